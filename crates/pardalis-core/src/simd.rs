@@ -5,12 +5,13 @@
 //! per instruction set. No operation is fused or reordered: all levels produce identical bits.
 #![allow(unsafe_code)] // Calls a function that requires a CPU feature, after checking for it.
 
-/// An instruction set that the running CPU supports.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// An instruction set that the running CPU supports; by default the baseline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Level(Set);
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Set {
+    #[default]
     Baseline,
     #[cfg(target_arch = "x86_64")]
     Avx2,
@@ -36,6 +37,15 @@ impl Level {
             vec![best]
         } else {
             vec![Self::BASELINE, best]
+        }
+    }
+
+    /// Returns the name of the instruction set.
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            Set::Baseline => "baseline",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => "avx2",
         }
     }
 

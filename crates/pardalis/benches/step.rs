@@ -50,8 +50,8 @@ fn frames(format: PixelFormat) -> [[(usize, Frame); 1]; 2] {
 }
 
 fn levels() -> Vec<(&'static str, Level)> {
-    let names = ["baseline", "best"];
-    names.into_iter().zip(Level::available()).collect()
+    let levels = Level::available().into_iter();
+    levels.map(|level| (level.name(), level)).collect()
 }
 
 /// The contour cue as published offline.

@@ -122,7 +122,8 @@ fn check(cues: &mut Cues, views: &[View], frames: &[(usize, Frame)], particles: 
 
 /// Times steps: predict, count, update and estimate.
 fn steps(criterion: &mut Criterion) {
-    for (name, level) in ["baseline", "best"].into_iter().zip(Level::available()) {
+    for level in Level::available() {
+        let name = level.name();
         let mut tracker = Tracker::new(views(), vec![target()], 1, level).unwrap();
         let ball_id = tracker.targets().next().unwrap();
         for index in 0..30 {

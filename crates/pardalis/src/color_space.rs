@@ -90,6 +90,22 @@ impl YuvEncoding {
         [r, g, b].map(|c| (c * 255.0).clamp(0.0, 255.0))
     }
 
+    /// The same in single precision and without divisions: every pixel near an outline is converted.
+    #[inline(always)]
+    pub(crate) fn single_rgb_from_yuv(self, yuv: [u8; 3]) -> [f32; 3] {
+        let (kr, kb) = self.weights();
+        let (y0, y_scale, c_scale) = self.scales();
+        let [y, u, v] = yuv.map(f32::from);
+        let luma = (y - y0 as f32) * (255.0 / y_scale) as f32;
+        let difference = |chroma: f32, share: f64| {
+            (chroma - 128.0) * (2.0 * (1.0 - share) * 255.0 / c_scale) as f32
+        };
+        let (r, b) = (luma + difference(v, kr), luma + difference(u, kb));
+        let [red, green, blue] = [kr, 1.0, kb].map(|share| (share / (1.0 - kr - kb)) as f32);
+        let g = luma * green - r * red - b * blue;
+        [r, g, b].map(|c| c.clamp(0.0, 255.0))
+    }
+
     /// Converts R, G, B in 0..=255 to Y, U, V in 0..=255, unrounded.
     pub fn yuv_from_rgb(self, rgb: [f64; 3]) -> [f64; 3] {
         let (kr, kb) = self.weights();
@@ -150,7 +166,17 @@ mod tests {
                     [200.0, 90.0, 30.0],
                     [10.0, 20.0, 250.0],
                 ] {
-                    let back = encoding.rgb_from_yuv(encoding.yuv_from_rgb(rgb));
+                    let yuv = encoding.yuv_from_rgb(rgb);
+                    let back = encoding.rgb_from_yuv(yuv);
+                    let bytes = yuv.map(|value| value.round() as u8);
+                    let single = encoding.single_rgb_from_yuv(bytes);
+                    let exact = encoding.rgb_from_yuv(bytes.map(f64::from));
+                    for (single, exact) in single.into_iter().zip(exact) {
+                        assert!(
+                            (f64::from(single) - exact).abs() < 1e-3,
+                            "{encoding:?} {bytes:?}"
+                        );
+                    }
                     for c in 0..3 {
                         assert!(
                             (back[c] - rgb[c]).abs() < 1.0,

@@ -2,16 +2,22 @@
 
 mod inscribed;
 
+use crate::Frame;
 use crate::background::{Background, Change};
 use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette, PixelKind};
 use crate::frame::with_pixels;
 use crate::tuning::BlobTuning;
 use crate::view::PreparedFrame;
 use pardalis_camera::Mask;
+use pardalis_core::simd::Level;
 
-/// Rows and columns between the pixels that image statistics sample, pixels. Hand-set: 640 x 480 pixels still give 19 200 samples. All targets share the
+/// The least distance between the rows and columns whose pixels image statistics sample, pixels. Hand-set: 640 x 480 pixels still give 19 200 samples. All targets share the
 /// statistics.
-pub(crate) const SAMPLING_STEP_PX: usize = 4;
+const LEAST_SAMPLING_STEP_PX: usize = 4;
+/// About the greatest number of samples. Hand-set: more say little else of an image, and take time.
+const MAX_SAMPLES: usize = 40_000;
+/// The number of pixels that are compared with the target's colours at once.
+const CHUNK: usize = 16;
 /// The number of pixels out of 3 x 3 that the majority filter asks for. Derivation: a majority.
 const MAJORITY: u8 = 5;
 
@@ -84,11 +90,24 @@ impl BinCounts {
         self.counts.resize(palette.bin_count(), 0);
         self.total = 0;
         let Self { counts, total } = self;
+        let is_open = |x: usize, y: usize| open.is_none_or(|open| open[y * width + x]);
         with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
-            for x in (0..width).step_by(step_px) {
-                if open.is_none_or(|open| open[y * width + x]) {
-                    counts[usize::from(table.bin(correction.bytes(components(x, y))))] += 1;
-                    *total += 1;
+            for first in (0..width).step_by(CHUNK * step_px) {
+                let columns = (first..width).step_by(step_px).take(CHUNK);
+                let mut bytes = [[0_u8; CHUNK]; 3];
+                for (i, x) in columns.clone().enumerate() {
+                    let pixel = components(x, y);
+                    for (of_channel, value) in bytes.iter_mut().zip(pixel) {
+                        of_channel[i] = value;
+                    }
+                }
+                let bytes = correction.block(bytes);
+                for (i, x) in columns.enumerate() {
+                    if is_open(x, y) {
+                        let bin = table.bin([bytes[0][i], bytes[1][i], bytes[2][i]]);
+                        counts[usize::from(bin)] += 1;
+                        *total += 1;
+                    }
                 }
             }
         });
@@ -112,23 +131,30 @@ impl BinCounts {
     }
 }
 
-/// Returns the mean Y, U and V of an image's unmasked pixels, of every fourth pixel of every fourth row.
-pub(crate) fn mean_color(prepared: &PreparedFrame) -> [f32; 3] {
+/// Returns the distance between the rows and columns whose pixels image statistics sample, pixels.
+pub(crate) fn sampling_step_px(frame: &Frame) -> usize {
+    let pixels = frame.width() * frame.height();
+    let enough = (pixels as f64 / MAX_SAMPLES as f64).sqrt().ceil() as usize;
+    enough.max(LEAST_SAMPLING_STEP_PX)
+}
+
+/// Returns the mean Y, U and V of an image's unmasked pixels, of every `step_px`th pixel of every `step_px`th row.
+pub(crate) fn mean_color(prepared: &PreparedFrame, step_px: usize) -> [f32; 3] {
     let frame = prepared.frame();
-    let kind = PixelKind::of(frame);
     let (width, height) = (frame.width(), frame.height());
     let open = prepared.view().mask().map(Mask::open);
-    let (mut sums, mut count) = ([0.0_f32; 3], 0.0_f32);
-    with_pixels!(frame, components => for y in (0..height).step_by(SAMPLING_STEP_PX) {
-        for x in (0..width).step_by(SAMPLING_STEP_PX) {
+    let (mut sums, mut count) = ([0_u64; 3], 0_u64);
+    with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
+        for x in (0..width).step_by(step_px) {
             if open.is_none_or(|open| open[y * width + x]) {
-                let color = kind.full_range_yuv(components(x, y));
-                (0..3).for_each(|i| sums[i] += color[i]);
-                count += 1.0;
+                let bytes = components(x, y);
+                (0..3).for_each(|i| sums[i] += u64::from(bytes[i]));
+                count += 1;
             }
         }
     });
-    sums.map(|sum| sum / count.max(1.0))
+    let mean = sums.map(|sum| sum as f64 / count.max(1) as f64);
+    PixelKind::of(frame).full_range_yuv_of_mean(mean)
 }
 
 /// Returns the blobs of a target's colours in one image, the largest first, at most eight.
@@ -154,8 +180,7 @@ fn search_image(prepared: &PreparedFrame, colors: &ColorModel) -> BlobSearch {
 #[derive(Debug, Default)]
 pub(crate) struct BlobSearch {
     tuning: BlobTuning,
-    /// The bin of each pixel.
-    bins: Vec<u16>,
+    level: Level,
     /// Whether each pixel has the target's colours.
     matching: Vec<bool>,
     /// What became of each pixel after the majority filter.
@@ -172,9 +197,10 @@ pub(crate) struct BlobSearch {
 }
 
 impl BlobSearch {
-    pub(crate) fn new(tuning: BlobTuning) -> Self {
+    pub(crate) fn new(tuning: BlobTuning, level: Level) -> Self {
         Self {
             tuning,
+            level,
             ..Self::default()
         }
     }
@@ -206,40 +232,45 @@ impl BlobSearch {
     ) -> &[Blob] {
         let frame = prepared.frame();
         let table = prepared.table(palette);
+        let in_ranges = ranges.map(|ranges| prepared.match_table(ranges));
         let (width, height) = (frame.width(), frame.height());
         let open = prepared.view().mask().map(Mask::open);
         let is_open = |i: usize| open.is_none_or(|open| open[i]);
-        let Self {
-            tuning,
-            bins,
-            matching,
-            ..
-        } = self;
-        bins.clear();
-        bins.reserve(width * height);
-        with_pixels!(frame, components => for y in 0..height {
-            bins.extend((0..width).map(|x| table.bin(correction.bytes(components(x, y)))));
-        });
-        matching.clear();
-        let min_posterior = tuning.min_posterior;
-        let matches =
-            |(i, &bin): (usize, &u16)| is_open(i) && posterior[usize::from(bin)] >= min_posterior;
-        matching.extend(bins.iter().enumerate().map(matches));
-        if let Some(ranges) = ranges {
-            let in_ranges = prepared.match_table(ranges);
-            with_pixels!(frame, components => for (i, matching) in matching.iter_mut().enumerate() {
-                *matching = *matching
-                    && in_ranges.matches(correction.bytes(components(i % width, i / width))) == 1;
-            });
-        }
-        for (i, matching) in matching.iter_mut().enumerate() {
-            *matching = *matching && !is_taken([(i % width) as f32, (i / width) as f32]);
-        }
-        let bins = std::mem::take(bins);
+        let min_posterior = self.tuning.min_posterior;
+        let posterior_of = |bytes: [u8; 3]| posterior[usize::from(table.bin(bytes))];
+        self.matching.clear();
+        self.matching.resize(width * height, false);
+        let matches = |bytes: [u8; 3]| {
+            // The small table first: it rules out most pixels.
+            in_ranges.is_none_or(|table| table.matches(bytes) == 1)
+                && posterior_of(bytes) >= min_posterior
+        };
+        let rows = self.matching.chunks_exact_mut(width).enumerate();
+        with_pixels!(frame, components => self.level.run(
+            #[inline(always)]
+            || for (y, row) in rows {
+                for (number, chunk) in row.chunks_mut(CHUNK).enumerate() {
+                    let first = number * CHUNK;
+                    let mut bytes = [[0_u8; CHUNK]; 3];
+                    for i in 0..chunk.len() {
+                        let pixel = components(first + i, y);
+                        for (of_channel, value) in bytes.iter_mut().zip(pixel) {
+                            of_channel[i] = value;
+                        }
+                    }
+                    let bytes = correction.block(bytes);
+                    for (i, matching) in chunk.iter_mut().enumerate() {
+                        let x = first + i;
+                        *matching = matches([bytes[0][i], bytes[1][i], bytes[2][i]])
+                            && is_open(y * width + x)
+                            && !is_taken([x as f32, y as f32]);
+                    }
+                }
+            },
+        ));
         self.connect((width, height), is_open, |i| {
-            posterior[usize::from(bins[i])]
+            posterior_of(correction.bytes(frame.components(i % width, i / width)))
         });
-        self.bins = bins;
         &self.blobs
     }
 
@@ -287,7 +318,9 @@ impl BlobSearch {
         *left_out = None;
         *image_width = width;
         majority(matching, width, columns, filtered);
-        (0..filtered.len()).for_each(|i| filtered[i] &= u8::from(is_open(i)));
+        for (i, pixel) in filtered.iter_mut().enumerate() {
+            *pixel &= u8::from(is_open(i));
+        }
         blobs.clear();
         blobs.reserve(max_blobs);
         seeds.clear();
@@ -295,10 +328,14 @@ impl BlobSearch {
         stack.clear();
         // Each pixel is pushed once at most.
         stack.reserve(filtered.len());
-        for seed in 0..filtered.len() {
-            if !take(&mut filtered[seed]) {
-                continue;
-            }
+        let mut next = 0;
+        while let Some(ahead) = filtered[next..]
+            .iter()
+            .position(|&pixel| pixel == PIXEL_SET)
+        {
+            let seed = next + ahead;
+            next = seed + 1;
+            take(&mut filtered[seed]);
             stack.push(seed);
             let mut sums = Sums::default();
             while let Some(i) = stack.pop() {
@@ -351,23 +388,31 @@ fn take(pixel: &mut u8) -> bool {
 
 /// Sets the pixels of which most of the 3 x 3 neighbours, themselves included, are set: lines one pixel wide would join blobs.
 fn majority(set: &[bool], width: usize, columns: &mut Vec<u8>, filtered: &mut Vec<u8>) {
-    let height = set.len() / width;
-    columns.clear();
-    columns.resize(width, 0);
+    let rows = set.chunks_exact(width);
     filtered.clear();
-    for y in 0..height {
-        for (x, column) in columns.iter_mut().enumerate() {
-            let rows = y.saturating_sub(1)..(y + 2).min(height);
-            *column = rows.map(|row| u8::from(set[row * width + x])).sum();
+    filtered.resize(set.len(), PIXEL_UNSET);
+    // With a column of none on either side.
+    columns.clear();
+    columns.resize(width + 2, 0);
+    for (y, filtered) in filtered.chunks_exact_mut(width).enumerate() {
+        columns[1..=width].fill(0);
+        for row in rows
+            .clone()
+            .skip(y.saturating_sub(1))
+            .take(if y > 0 { 3 } else { 2 })
+        {
+            for (column, &is_set) in columns[1..=width].iter_mut().zip(row) {
+                *column += u8::from(is_set);
+            }
         }
-        filtered.extend((0..width).map(|x| {
-            let near = &columns[x.saturating_sub(1)..(x + 2).min(width)];
-            if near.iter().sum::<u8>() >= MAJORITY {
+        let near = columns.iter().zip(&columns[1..]).zip(&columns[2..]);
+        for (pixel, ((left, here), right)) in filtered.iter_mut().zip(near) {
+            *pixel = if left + here + right >= MAJORITY {
                 PIXEL_SET
             } else {
                 PIXEL_UNSET
-            }
-        }));
+            };
+        }
     }
 }
 

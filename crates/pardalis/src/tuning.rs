@@ -173,6 +173,8 @@ tuned! {
         min_log_ratio: f64 = 0.5, "nats", "hand-set";
         /// Detections closer than this are one.
         distinct_diameters: f64 = 0.25, "diameters", "hand-set";
+        /// Candidates as close to a sure detection that differ from it in size by less than this factor are not fitted.
+        same_size_factor: f64 = 1.2, "ratio", "hand-set: highlights and shadows take a third of a ball's area";
         /// Whole images are searched at least once in this many frame sets.
         frames_between_searches: u32 = 10, "frame sets", "hand-set: bounds how long a wrong track goes unchallenged";
         /// A detection near the prediction with a greater log-likelihood ratio makes the search unnecessary.

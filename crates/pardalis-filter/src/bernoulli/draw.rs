@@ -40,25 +40,25 @@ impl BernoulliFilter {
             libm::log(prior.elsewhere) + libm::log(self.settings.birth_density)
         };
         let height_m = self.proposal.height_m();
-        let velocity_jump = self.velocity_jump(dt_s);
+        let velocity_jump = self.velocity_jump(dt_s).map(|(chance, jumped)| {
+            let share = 1.0 / jump_one_in as f64;
+            let log_kept = libm::log((1.0 - chance) / (1.0 - share));
+            (jumped, [libm::log(chance / share), log_kept])
+        });
+        let log_even_weight = -libm::log(count as f64);
         let offset = draws.uniform(count as u32, observation, Stage::Proposal);
         for i in 0..count {
-            let (ancestor, weight) = if is_depleted {
-                (self.ancestors[i] as usize, 1.0 / count as f64)
+            let (ancestor, log_weight) = if is_depleted {
+                (self.ancestors[i] as usize, log_even_weight)
             } else {
-                (i, self.weights[i])
+                (i, libm::log(self.weights[i]))
             };
             let before = &self.hypotheses[ancestor];
             // One particle in a few has a velocity jump, even if jumps are rare; its weight corrects for this.
             let (kinematics, log_probability) = match velocity_jump {
                 None => (self.kinematics, 0.0),
-                Some((chance, jumped)) if i % jump_one_in == 0 => {
-                    (jumped, libm::log(chance * jump_one_in as f64))
-                }
-                Some((chance, _)) => {
-                    let share = 1.0 - 1.0 / jump_one_in as f64;
-                    (self.kinematics, libm::log((1.0 - chance) / share))
-                }
+                Some((jumped, [log_jumped, _])) if i % jump_one_in == 0 => (jumped, log_jumped),
+                Some((_, [_, log_kept])) => (self.kinematics, log_kept),
             };
             let step = kinematics.step(before.velocity_variance_m2ps2, dt_s);
             let mut prediction = Prediction {
@@ -77,7 +77,7 @@ impl BernoulliFilter {
             let log_continued = log_located + prediction.log_density(position_m, free_axes);
             let log_prior = log_add(log_continued, log_elsewhere);
             self.new_particles.log_weights[i] =
-                libm::log(weight) + log_probability + log_prior - log_proposal;
+                log_weight + log_probability + log_prior - log_proposal;
 
             let chance = libm::exp(log_elsewhere - log_prior);
             let was_elsewhere = draws.uniform(particle, observation, Stage::Proposal) < chance;

@@ -50,6 +50,9 @@ struct Component {
     log_weight: f64,
     /// Share of the births, 0 to 1.
     birth_share: f64,
+    /// Logarithms of its density at the mean, and of its part of the density of births there.
+    log_height: f64,
+    log_birth_height: f64,
     /// For the current prediction: logarithm of weight times predicted density if the prediction is near, else -∞.
     log_agreement: f64,
 }
@@ -96,6 +99,9 @@ impl Proposal {
         for component in &mut self.components {
             let by_weight = libm::exp(component.log_weight) / total;
             component.birth_share = even_share * even + (1.0 - even_share) * by_weight;
+            let log_widening = free_axes as f64 * libm::log(self.tuning.birth_widening);
+            component.log_birth_height =
+                libm::log(component.birth_share) + component.log_height - log_widening;
         }
         self.birth_share = if self.components.is_empty() {
             0.0
@@ -173,10 +179,8 @@ impl Proposal {
     /// Returns the logarithm of the density of births.
     pub(super) fn log_birth_density(&self, position_m: [f64; 3]) -> f64 {
         let of_place = |component: &Component| {
-            let (squared, log_height) =
-                component.squared_and_log_height(position_m, self.free_axes);
-            let widening = self.tuning.birth_widening;
-            component.log_birth_density(squared, log_height, self.free_axes, widening)
+            let squared = component.squared(position_m, self.free_axes);
+            component.log_birth_density(squared, self.tuning.birth_widening)
         };
         let logs = self.components.iter().map(of_place);
         logs.fold(f64::NEG_INFINITY, log_add)
@@ -204,14 +208,12 @@ impl Proposal {
     ) -> f64 {
         let [mut log_birth, mut log_peaks] = [f64::NEG_INFINITY; 2];
         for component in &self.components {
-            let (squared, log_height) =
-                component.squared_and_log_height(position_m, self.free_axes);
-            let widening = self.tuning.birth_widening;
-            let of_place =
-                component.log_birth_density(squared, log_height, self.free_axes, widening);
+            let squared = component.squared(position_m, self.free_axes);
+            let of_place = component.log_birth_density(squared, self.tuning.birth_widening);
             log_birth = log_add(log_birth, of_place);
             if component.log_agreement > f64::NEG_INFINITY {
-                log_peaks = log_add(log_peaks, component.log_weight + log_height - squared / 2.0);
+                let log_peak = component.log_weight + component.log_height;
+                log_peaks = log_add(log_peaks, log_peak - squared / 2.0);
             }
         }
         let predicted_share = 1.0 - birth_share - near_share;
@@ -256,12 +258,17 @@ impl Component {
             return None;
         }
         let (axes, variances_m2) = principal_axes(component.covariance_m2, free_axes);
+        let variances_m2 = variances_m2.map(|variance| variance.max(MIN_VARIANCE_M2));
+        let free = variances_m2[..free_axes].iter();
+        let determinant: f64 = free.map(|variance_m2| 2.0 * PI * variance_m2).product();
         Some(Self {
             mean_m: component.position_m,
             axes,
-            variances_m2: variances_m2.map(|variance| variance.max(MIN_VARIANCE_M2)),
+            variances_m2,
             log_weight: component.log_weight,
             birth_share: 0.0,
+            log_height: -0.5 * libm::log(determinant),
+            log_birth_height: f64::NEG_INFINITY,
             log_agreement: f64::NEG_INFINITY,
         })
     }
@@ -288,27 +295,16 @@ impl Component {
         }
     }
 
-    /// Returns the squared Mahalanobis distance of a position, and the logarithm of the density at the mean.
-    fn squared_and_log_height(&self, position_m: [f64; 3], free_axes: usize) -> (f64, f64) {
-        let (mut squared, mut determinant) = (0.0, 1.0);
-        for axis in 0..free_axes {
-            squared += self.along(axis, position_m, free_axes).powi(2) / self.variances_m2[axis];
-            determinant *= 2.0 * PI * self.variances_m2[axis];
-        }
-        (squared, -0.5 * libm::log(determinant))
+    /// Returns the squared Mahalanobis distance of a position.
+    fn squared(&self, position_m: [f64; 3], free_axes: usize) -> f64 {
+        let of_axis =
+            |axis: usize| self.along(axis, position_m, free_axes).powi(2) / self.variances_m2[axis];
+        (0..free_axes).map(of_axis).sum()
     }
 
-    /// Returns the logarithm of its part of the density of births.
-    fn log_birth_density(
-        &self,
-        squared: f64,
-        log_height: f64,
-        free_axes: usize,
-        widening: f64,
-    ) -> f64 {
-        let widened = squared / widening.powi(2);
-        let log_widening = free_axes as f64 * libm::log(widening);
-        libm::log(self.birth_share) + log_height - log_widening - widened / 2.0
+    /// Returns the logarithm of its part of the density of births at this squared Mahalanobis distance.
+    fn log_birth_density(&self, squared: f64, widening: f64) -> f64 {
+        self.log_birth_height - squared / widening.powi(2) / 2.0
     }
 
     /// Draws a birth from the widened component.
@@ -376,10 +372,14 @@ fn principal_axes(
     (axes, [0, 1, 2].map(|axis| matrix[axis][axis]))
 }
 
+/// The greatest logarithm of a share that does not change a sum. Derivation: less than half a unit in the last place of 1. Most parts of a mixture are far away.
+const NEGLIGIBLE_LOG: f64 = -45.0;
+
 /// Returns ln(eᵃ + eᵇ).
 pub(super) fn log_add(a: f64, b: f64) -> f64 {
     let (less, more) = if a < b { (a, b) } else { (b, a) };
-    if less == f64::NEG_INFINITY {
+    // Both may be -∞.
+    if less == f64::NEG_INFINITY || less - more < NEGLIGIBLE_LOG {
         more
     } else {
         more + libm::log1p(libm::exp(less - more))

@@ -165,7 +165,7 @@ impl EdgeLearner {
             self.counts.push([none.clone(), none]);
         }
         for pixel in &self.pixels {
-            let membership = surroundings.membership(pixel);
+            let membership = surroundings.at(pixel).membership(pixel.yuv);
             let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
             if membership.is_nan() || row > (EdgeProfile::DISTANCES + 1) as f32 {
                 continue;
@@ -173,7 +173,7 @@ impl EdgeLearner {
             // Pixels deeper inside count as at the smallest distance; the last row takes half a pixel
             // more.
             let row = (row.max(0.0) as usize).min(EdgeProfile::DISTANCES - 1);
-            let side = surroundings.side(pixel) as usize;
+            let side = surroundings.at(pixel).side() as usize;
             self.counts[octave][side][row][EdgeProfile::bin_of(membership)] += 1;
         }
     }

@@ -115,6 +115,24 @@ impl IlluminationCorrection {
     }
 }
 
+impl IlluminationCorrection {
+    /// Corrects a block of pixels: their first, second and third raw bytes.
+    #[inline(always)]
+    pub(crate) fn block<const N: usize>(&self, bytes: [[u8; N]; 3]) -> [[u8; N]; 3] {
+        if self.rows.is_none() {
+            return bytes;
+        }
+        let mut corrected = [[0_u8; N]; 3];
+        for i in 0..N {
+            let pixel = self.bytes([bytes[0][i], bytes[1][i], bytes[2][i]]);
+            for (of_channel, value) in corrected.iter_mut().zip(pixel) {
+                of_channel[i] = value;
+            }
+        }
+        corrected
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -35,12 +35,12 @@ pub(crate) const CHANNEL_WEIGHTS: [f32; 3] = [1.0, 15.0, 15.0];
 /// Minimum squared weighted difference of two colours; closer colours have no membership. Hand-set.
 const MIN_CONTRAST: f32 = 100.0;
 
-/// Weights over the sectors of the turn, by their offset.
-static WEIGHTS: LazyLock<[[f32; SECTORS]; 3]> = LazyLock::new(|| {
+/// Weights over the sectors of the turn, by their offset: for the body, for its surroundings and for brightness, each twice in a row.
+static WEIGHTS: LazyLock<[[f32; 2 * SECTORS]; 3]> = LazyLock::new(|| {
     let [body, outside] = CONCENTRATION;
     [body, outside, SHADING_CONCENTRATION].map(|concentration| {
-        std::array::from_fn(|sector| {
-            let angle = sector as f64 / SECTORS as f64 * std::f64::consts::TAU;
+        std::array::from_fn(|offset| {
+            let angle = (offset % SECTORS) as f64 / SECTORS as f64 * std::f64::consts::TAU;
             libm::exp(concentration * (libm::cos(angle) - 1.0)) as f32
         })
     })
@@ -64,69 +64,174 @@ impl Side {
 /// The colours inside and outside along an outline.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surroundings {
-    /// For each sector of the turn: the mean colour around the body, and the difference from it to the body's
-    /// own colour.
-    sectors: [([f32; 3], [f32; 3]); SECTORS],
-    sides: [Side; SECTORS],
+    sectors: [LocalColors; SECTORS],
+}
+
+/// The colours inside and outside along one sector of the turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LocalColors {
+    /// The mean colour around the body.
+    outside: [f32; 3],
+    /// By how much membership rises with each channel.
+    slopes: [f32; 3],
+    /// The weighted distance from the colour around the body to the body's own.
+    contrast: f32,
+    side: Side,
 }
 
 impl Surroundings {
     /// Measures the colours on both sides of an outline; `None` if either side has too few pixels.
     pub fn of(pixels: &[EdgePixel]) -> Option<Self> {
-        let is_deep = |pixel: &&EdgePixel| pixel.distance_px <= BODY_DEPTH_PX;
-        let deepest_px = if pixels.iter().filter(is_deep).count() >= MIN_BODY_PIXELS {
-            BODY_DEPTH_PX
-        } else {
-            deepest(pixels)?[MIN_BODY_PIXELS - 1].min(0.0)
-        };
-        let body = mean_colors(pixels, &WEIGHTS[0], |distance| distance <= deepest_px)?;
-        let outside = mean_colors(pixels, &WEIGHTS[1], |distance| {
-            SURROUNDINGS_PX.contains(&distance)
-        })?;
+        let mut sums = OutlineSums::default();
+        for pixel in pixels {
+            sums.add(pixel);
+        }
+        if sums.body.count() < MIN_BODY_PIXELS as f32 {
+            let deepest_px = deepest(pixels)?[MIN_BODY_PIXELS - 1].min(0.0);
+            sums.body = TurnSums::default();
+            for pixel in pixels
+                .iter()
+                .filter(|pixel| pixel.distance_px <= deepest_px)
+            {
+                sums.body.add(sector_of(pixel.turn), pixel.yuv);
+            }
+        }
+        let [of_body, of_outside, of_shading] = &*WEIGHTS;
+        let body = sums.body.means(of_body)?;
+        let outside = sums.outside.means(of_outside)?;
+        let brightness = sums.shading.means(of_shading);
+        let mean_brightness = sums.shading.mean_luma();
         let sectors = std::array::from_fn(|sector| {
-            let (body, outside) = (body[sector], outside[sector]);
-            (outside, [0, 1, 2].map(|i| body[i] - outside[i]))
+            let at = |means: &[[f32; SECTORS]; 3]| [0, 1, 2].map(|i| means[i][sector]);
+            let (outside, body) = (at(&outside), at(&body));
+            let difference = [0, 1, 2].map(|i| body[i] - outside[i]);
+            let weighted = [0, 1, 2].map(|i| CHANNEL_WEIGHTS[i] * difference[i]);
+            let whole: f32 = (0..3).map(|i| difference[i] * weighted[i]).sum();
+            let slope = if whole < MIN_CONTRAST {
+                f32::NAN
+            } else {
+                1.0 / whole
+            };
+            let is_shaded = brightness
+                .as_ref()
+                .is_some_and(|brightness| brightness[0][sector] < mean_brightness);
+            LocalColors {
+                outside,
+                slopes: weighted.map(|weighted| slope * weighted),
+                contrast: whole.sqrt(),
+                side: if is_shaded { Side::Shaded } else { Side::Lit },
+            }
         });
-        let sides = sides(pixels).unwrap_or([Side::Lit; SECTORS]);
-        Some(Self { sectors, sides })
+        Some(Self { sectors })
     }
 
     /// Returns how far the colours on both sides differ, in grey levels: the median around the turn of the weighted distance.
     pub(crate) fn contrast(&self) -> f32 {
-        let mut contrasts = self.sectors.map(|(_, difference)| {
-            let weighted = (0..3).map(|i| CHANNEL_WEIGHTS[i] * difference[i].powi(2));
-            weighted.sum::<f32>().sqrt()
-        });
+        let mut contrasts = self.sectors.map(|sector| sector.contrast);
         contrasts.sort_unstable_by(f32::total_cmp);
         contrasts[SECTORS / 2]
     }
 
-    /// Returns the side of the body on which a pixel lies.
-    pub fn side(&self, pixel: &EdgePixel) -> Side {
-        self.sides[sector_of(pixel.turn)]
+    /// Returns the colours next to a pixel.
+    #[inline]
+    pub fn at(&self, pixel: &EdgePixel) -> &LocalColors {
+        &self.sectors[sector_of(pixel.turn)]
+    }
+}
+
+impl LocalColors {
+    /// Returns the side of the body.
+    pub fn side(&self) -> Side {
+        self.side
     }
 
-    /// Returns the mean colour around the body next to a pixel.
-    pub(crate) fn around(&self, pixel: &EdgePixel) -> [f32; 3] {
-        self.sectors[sector_of(pixel.turn)].0
+    /// Returns the mean colour around the body.
+    pub(crate) fn around(&self) -> [f32; 3] {
+        self.outside
     }
 
-    /// Returns the membership of a pixel: 0 for the colour that surrounds the body there, 1 for the body's
-    /// own colour, in between for mixtures; below 0 and above 1 for colours beyond these. NaN if the two
-    /// colours are too similar.
-    pub fn membership(&self, pixel: &EdgePixel) -> f32 {
-        let (outside, difference) = &self.sectors[sector_of(pixel.turn)];
-        let (mut along, mut whole) = (0.0, 0.0);
-        for i in 0..3 {
-            let weighted = CHANNEL_WEIGHTS[i] * difference[i];
-            along += (pixel.yuv[i] - outside[i]) * weighted;
-            whole += difference[i] * weighted;
+    /// Returns the membership of a colour (Y, U and V): 0 for that which surrounds the body, 1 for the body's
+    /// own, in between for mixtures; below 0 and above 1 for colours beyond these. NaN if the two are too similar.
+    #[inline]
+    pub fn membership(&self, yuv: [f32; 3]) -> f32 {
+        let of_channel = |i: usize| (yuv[i] - self.outside[i]) * self.slopes[i];
+        of_channel(0) + of_channel(1) + of_channel(2)
+    }
+}
+
+/// Sums over the pixels near an outline.
+#[derive(Default)]
+struct OutlineSums {
+    body: TurnSums,
+    outside: TurnSums,
+    shading: TurnSums,
+}
+
+impl OutlineSums {
+    #[inline(always)]
+    fn add(&mut self, pixel: &EdgePixel) {
+        let sector = sector_of(pixel.turn);
+        if pixel.distance_px <= BODY_DEPTH_PX {
+            self.body.add(sector, pixel.yuv);
         }
-        if whole < MIN_CONTRAST {
-            f32::NAN
-        } else {
-            along / whole
+        if SURROUNDINGS_PX.contains(&pixel.distance_px) {
+            self.outside.add(sector, pixel.yuv);
         }
+        if SHADING_PX.contains(&pixel.distance_px) {
+            self.shading.add(sector, pixel.yuv);
+        }
+    }
+}
+
+/// The number of pixels and the sum of their colours in each sector of the turn.
+struct TurnSums([[f32; 4]; SECTORS]);
+
+impl Default for TurnSums {
+    fn default() -> Self {
+        Self([[0.0; 4]; SECTORS])
+    }
+}
+
+impl TurnSums {
+    #[inline(always)]
+    fn add(&mut self, sector: usize, [y, u, v]: [f32; 3]) {
+        for (sum, value) in self.0[sector].iter_mut().zip([1.0, y, u, v]) {
+            *sum += value;
+        }
+    }
+
+    /// The number of pixels.
+    fn count(&self) -> f32 {
+        self.0.iter().map(|[count, ..]| count).sum()
+    }
+
+    /// Their mean Y.
+    fn mean_luma(&self) -> f32 {
+        self.0.iter().map(|[_, luma, ..]| luma).sum::<f32>() / self.count()
+    }
+
+    /// The mean colour around the turn, weighted by the offset between sectors; `None` without pixels. One row per channel.
+    fn means(&self, weights: &[f32; 2 * SECTORS]) -> Option<[[f32; SECTORS]; 3]> {
+        let mut totals = [[0_f32; SECTORS]; 4];
+        for (i, sums) in self.0.iter().enumerate().filter(|(_, sums)| sums[0] > 0.0) {
+            // As far from one sector as to it: weights are even.
+            let weights = &weights[SECTORS - i..][..SECTORS];
+            for (totals, sum) in totals.iter_mut().zip(sums) {
+                for (total, weight) in totals.iter_mut().zip(weights) {
+                    *total += weight * sum;
+                }
+            }
+        }
+        let [counts, colors @ ..] = &mut totals;
+        if counts[0] == 0.0 {
+            return None;
+        }
+        for color in colors.iter_mut() {
+            for (sum, count) in color.iter_mut().zip(&*counts) {
+                *sum /= count;
+            }
+        }
+        Some(*colors)
     }
 }
 
@@ -148,59 +253,9 @@ fn deepest(pixels: &[EdgePixel]) -> Option<[f32; MIN_BODY_PIXELS]> {
     Some(deepest)
 }
 
-/// Classifies each sector as shaded or lit; `None` if no pixel lies at a suitable distance.
-fn sides(pixels: &[EdgePixel]) -> Option<[Side; SECTORS]> {
-    let (mut luma, mut count) = (0.0, 0.0);
-    for pixel in pixels {
-        if SHADING_PX.contains(&pixel.distance_px) {
-            luma += pixel.yuv[0];
-            count += 1.0;
-        }
-    }
-    let local = mean_colors(pixels, &WEIGHTS[2], |distance| {
-        SHADING_PX.contains(&distance)
-    })?;
-    Some(local.map(|[here, _, _]| {
-        if here < luma / count {
-            Side::Shaded
-        } else {
-            Side::Lit
-        }
-    }))
-}
-
+#[inline(always)]
 fn sector_of(turn: f32) -> usize {
     ((turn * SECTORS as f32 + 0.5) as usize) % SECTORS
-}
-
-/// Computes the mean colour around the turn of the pixels at the accepted distances.
-fn mean_colors(
-    pixels: &[EdgePixel],
-    weights: &[f32; SECTORS],
-    accepts: impl Fn(f32) -> bool,
-) -> Option<[[f32; 3]; SECTORS]> {
-    // Pixel count and colour sum of each sector.
-    let mut sums = [[0_f32; 4]; SECTORS];
-    for pixel in pixels.iter().filter(|pixel| accepts(pixel.distance_px)) {
-        let [y, u, v] = pixel.yuv;
-        for (sum, value) in sums[sector_of(pixel.turn)].iter_mut().zip([1.0, y, u, v]) {
-            *sum += value;
-        }
-    }
-    if sums.iter().all(|sum| sum[0] == 0.0) {
-        return None;
-    }
-    Some(std::array::from_fn(|sector| {
-        let mut total = [0_f32; 4];
-        for (i, sum) in sums.iter().enumerate() {
-            let weight = weights[(i + SECTORS - sector) % SECTORS];
-            for (total, value) in total.iter_mut().zip(sum) {
-                *total += weight * value;
-            }
-        }
-        let [count, y, u, v] = total;
-        [y, u, v].map(|sum| sum / count)
-    }))
 }
 
 #[cfg(test)]
@@ -254,7 +309,7 @@ mod tests {
         let surroundings = Surroundings::of(&pixels).unwrap();
         for pixel in &pixels {
             let expected = (0.5 - 0.25 * pixel.distance_px).clamp(0.0, 1.0);
-            assert!((surroundings.membership(pixel) - expected).abs() < 1e-5);
+            assert!((surroundings.at(pixel).membership(pixel.yuv) - expected).abs() < 1e-5);
         }
     }
 
@@ -270,7 +325,9 @@ mod tests {
             .collect();
         let [plain, lit_too] = [&pixels, &lit].map(|pixels| Surroundings::of(pixels).unwrap());
         for (pixel, lit) in pixels.iter().zip(&lit) {
-            assert!((plain.membership(pixel) - lit_too.membership(lit)).abs() < 1e-4);
+            let [plain, lit] = [(&plain, pixel), (&lit_too, lit)]
+                .map(|(surroundings, pixel)| surroundings.at(pixel).membership(pixel.yuv));
+            assert!((plain - lit).abs() < 1e-4);
         }
     }
 
@@ -281,7 +338,12 @@ mod tests {
             pixel.yuv = GREEN;
         }
         let surroundings = Surroundings::of(&pixels).unwrap();
-        assert!(surroundings.membership(&pixels[0]).is_nan());
+        assert!(
+            surroundings
+                .at(&pixels[0])
+                .membership(pixels[0].yuv)
+                .is_nan()
+        );
         assert_eq!(Surroundings::of(&[]), None);
         pixels.retain(|pixel| pixel.distance_px < 3.0);
         assert_eq!(Surroundings::of(&pixels), None);
@@ -299,7 +361,7 @@ mod tests {
             let light = libm::cosf(std::f32::consts::TAU * pixel.turn);
             if light.abs() > 0.1 {
                 let expected = if light > 0.0 { Side::Lit } else { Side::Shaded };
-                assert_eq!(surroundings.side(pixel), expected, "{}", pixel.turn);
+                assert_eq!(surroundings.at(pixel).side(), expected, "{}", pixel.turn);
             }
         }
     }

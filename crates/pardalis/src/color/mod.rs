@@ -22,7 +22,7 @@ pub use edge_profile::{EdgeLogRatios, EdgeProfile};
 pub use histogram::Histogram;
 pub use illumination::{Illumination, IlluminationCorrection};
 pub(crate) use membership::CHANNEL_WEIGHTS;
-pub use membership::{EdgePixel, Side, Surroundings};
+pub use membership::{EdgePixel, LocalColors, Side, Surroundings};
 pub use model::{ColorLearner, ColorModel, Separation};
 pub use palette::{MAX_BINS, MAX_CHANNEL_BINS, Palette, PixelKind, PixelTable};
 pub use ranges::{ColorRanges, MatchTable};

@@ -217,14 +217,45 @@ impl PixelKind {
     }
 
     /// Converts a pixel's raw bytes to Y, U and V of BT.601, full range, 0 to 255.
+    #[inline]
     pub fn full_range_yuv(self, bytes: [u8; 3]) -> [f32; 3] {
         let full = YuvEncoding::default();
         match self {
-            Self::Rgb => full.yuv_from_rgb(bytes.map(f64::from)),
-            Self::Yuv(encoding) if encoding == full => bytes.map(f64::from),
-            Self::Yuv(encoding) => full.yuv_from_rgb(encoding.rgb_from_yuv(bytes.map(f64::from))),
+            Self::Rgb => self.full_range_yuv_of_mean(bytes.map(f64::from)),
+            Self::Yuv(encoding) if encoding == full => bytes.map(f32::from),
+            Self::Yuv(encoding) => full_range_yuv_from_rgb(encoding.single_rgb_from_yuv(bytes)),
         }
-        .map(|value| value as f32)
+    }
+
+    /// Converts a block of pixels, given as their first, second and third raw bytes, to blocks of Y, U and V.
+    #[inline(always)]
+    pub(crate) fn full_range_yuv_of_block<const N: usize>(
+        self,
+        bytes: &[[u8; N]; 3],
+    ) -> [[f32; N]; 3] {
+        // The kind is matched once per block.
+        match self {
+            Self::Rgb => of_block(bytes, |bytes| {
+                Self::Rgb.full_range_yuv_of_mean(bytes.map(f64::from))
+            }),
+            Self::Yuv(encoding) if encoding == YuvEncoding::default() => {
+                of_block(bytes, |bytes| bytes.map(f32::from))
+            }
+            Self::Yuv(encoding) => of_block(bytes, |bytes| {
+                full_range_yuv_from_rgb(encoding.single_rgb_from_yuv(bytes))
+            }),
+        }
+    }
+
+    /// The same for means of raw bytes.
+    pub(crate) fn full_range_yuv_of_mean(self, bytes: [f64; 3]) -> [f32; 3] {
+        let full = YuvEncoding::default();
+        let yuv = match self {
+            Self::Rgb => full.yuv_from_rgb(bytes),
+            Self::Yuv(encoding) if encoding == full => bytes,
+            Self::Yuv(encoding) => full.yuv_from_rgb(encoding.rgb_from_yuv(bytes)),
+        };
+        yuv.map(|value| value as f32)
     }
 
     /// By how much Y, U and V of BT.601, full range, change with each raw byte, for means of pixels.
@@ -257,6 +288,30 @@ impl PixelKind {
         // Casts of floats saturate.
         bytes.map(|value| (value + 0.5) as u8)
     }
+}
+
+/// Converts each pixel of a block.
+#[inline(always)]
+fn of_block<const N: usize>(
+    bytes: &[[u8; N]; 3],
+    convert: impl Fn([u8; 3]) -> [f32; 3],
+) -> [[f32; N]; 3] {
+    let mut block = [[0_f32; N]; 3];
+    for i in 0..N {
+        let yuv = convert([bytes[0][i], bytes[1][i], bytes[2][i]]);
+        for (of_channel, value) in block.iter_mut().zip(yuv) {
+            of_channel[i] = value;
+        }
+    }
+    block
+}
+
+/// The same as [`YuvEncoding::yuv_from_rgb`] of the default encoding, in single precision and without divisions: pixels of videos are converted twice.
+#[inline(always)]
+fn full_range_yuv_from_rgb([red, green, blue]: [f32; 3]) -> [f32; 3] {
+    let luma = 0.299 * red + 0.587 * green + 0.114 * blue;
+    let difference = |channel: f32, share: f32| 128.0 + (channel - luma) * (0.5 / (1.0 - share));
+    [luma, difference(blue, 0.114), difference(red, 0.299)].map(|value| value.clamp(0.0, 255.0))
 }
 
 /// Steps per channel in a [`PixelTable`]. Derivation: the table then fits in the cache.

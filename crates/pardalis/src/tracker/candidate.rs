@@ -82,7 +82,7 @@ pub enum Verdict {
     NoColors,
     /// It was not examined, because larger blobs or likelier candidates were.
     Surplus,
-    /// The fit led to the position of another candidate.
+    /// The fit led to the position of another candidate, or there was none because the target had surely been detected there.
     SamePlace,
     /// Its pixel, or most of its outline, lies outside the image, the mask or the domain of the camera model.
     OutOfView,

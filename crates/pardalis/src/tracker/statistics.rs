@@ -1,7 +1,7 @@
 //! Statistics of a camera's image that do not depend on the target, computed once per frame for all targets.
 
 use crate::color::{IlluminationCorrection, Palette};
-use crate::detect::{BinCounts, SAMPLING_STEP_PX, mean_color};
+use crate::detect::{BinCounts, mean_color, sampling_step_px};
 use crate::view::PreparedFrame;
 
 /// Statistics of one camera's latest image. Owns its buffers.
@@ -20,8 +20,8 @@ impl ImageStatistics {
         self.mean_color = None;
     }
 
-    /// Returns how often each bin of a palette occurs in the image after illumination correction. Counts every fourth
-    /// pixel of every fourth row.
+    /// Returns how often each bin of a palette occurs in the image after illumination correction. Counts some
+    /// of its pixels, on a grid.
     pub(super) fn bin_counts(
         &mut self,
         prepared: &PreparedFrame,
@@ -49,13 +49,16 @@ impl ImageStatistics {
         }
         let (of, by, counts) = &mut self.bins[self.count];
         (*of, *by) = (palette, *correction);
-        counts.count(prepared, palette, correction, SAMPLING_STEP_PX);
+        let step_px = sampling_step_px(prepared.frame());
+        counts.count(prepared, palette, correction, step_px);
         self.count += 1;
         self.count - 1
     }
 
     /// Returns the mean Y, U and V of the image.
     pub(super) fn mean_color(&mut self, prepared: &PreparedFrame) -> [f32; 3] {
-        *self.mean_color.get_or_insert_with(|| mean_color(prepared))
+        *self
+            .mean_color
+            .get_or_insert_with(|| mean_color(prepared, sampling_step_px(prepared.frame())))
     }
 }

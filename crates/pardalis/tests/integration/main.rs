@@ -7,6 +7,7 @@ mod crowd;
 mod determinism;
 mod frame_sets;
 mod kernels;
+mod known;
 mod locate;
 mod locate_absent;
 mod locate_bias;

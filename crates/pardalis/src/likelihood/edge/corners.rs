@@ -111,30 +111,36 @@ pub(super) fn bend(corners: &mut [Corner]) {
     }
 }
 
-/// The nearest corner, searched from one near it, or from all.
-pub(super) fn nearest(corners: &[Corner], pixel: [f32; 2], near: Option<usize>) -> usize {
+/// The nearest corner and its squared distance, searched from one near it, or from all.
+#[inline(always)]
+pub(super) fn nearest(corners: &[Corner], pixel: [f32; 2], near: Option<usize>) -> (usize, f32) {
     let squared = |k: usize| corners[k].squared_px(pixel);
-    if let Some(near) = near {
-        descend(near, corners.len(), squared)
-    } else {
-        let compare = |a: &usize, b: &usize| squared(*a).total_cmp(&squared(*b));
-        (0..corners.len()).min_by(compare).unwrap_or(0)
-    }
+    let Some(near) = near else {
+        let all = (0..corners.len()).map(|k| (k, squared(k)));
+        let nearest = all.min_by(|(_, a), (_, b)| a.total_cmp(b));
+        return nearest.unwrap_or((0, f32::NAN));
+    };
+    let last = corners.len() - 1;
+    let after = |k: usize| if k < last { k + 1 } else { 0 };
+    let before = |k: usize| if k > 0 { k - 1 } else { last };
+    let ahead = walk((near, squared(near)), squared, after);
+    walk(ahead, squared, before)
 }
 
-/// The nearest corner, searched from one near it.
-fn descend(mut nearest: usize, count: usize, squared: impl Fn(usize) -> f32) -> usize {
-    let mut least = squared(nearest);
-    for step in [1, count - 1] {
-        loop {
-            let next = (nearest + step) % count;
-            let there = squared(next);
-            // Corners without a pixel are never nearer.
-            if !(there < least) {
-                break;
-            }
-            (nearest, least) = (next, there);
+/// The corner reached from another one by steps in one direction for as long as they come nearer, and its squared distance.
+#[inline(always)]
+fn walk(
+    (mut nearest, mut least): (usize, f32),
+    squared: impl Fn(usize) -> f32,
+    next_of: impl Fn(usize) -> usize,
+) -> (usize, f32) {
+    loop {
+        let next = next_of(nearest);
+        let there = squared(next);
+        // Corners without a pixel are never nearer.
+        if !(there < least) {
+            return (nearest, least);
         }
+        (nearest, least) = (next, there);
     }
-    nearest
 }

@@ -72,17 +72,6 @@ impl Detection {
         }
     }
 
-    /// Its stance if it were of another form.
-    pub(super) fn stance_of(&self, form: f64) -> Stance {
-        let mut stance = self.stance();
-        if self.yaw.is_some() {
-            stance.yaw_rad = form;
-        } else {
-            stance.scale = libm::exp(form);
-        }
-        stance
-    }
-
     pub(super) fn form(&self) -> f64 {
         if self.yaw.is_some() {
             self.yaw_rad
@@ -102,6 +91,11 @@ impl Detection {
     /// Its position and form.
     pub(super) fn place(&self) -> Vector4<f64> {
         Vector3::from(self.position_m).push(self.form())
+    }
+
+    pub(super) fn set_place(&mut self, place: &Vector4<f64>) {
+        self.position_m = place.xyz().into();
+        self.set_form(place[3]);
     }
 
     /// The curvature of the log-likelihood at its position, 1/m²: the inverse of the position's covariance, given its scale and whatever its yaw.

@@ -7,50 +7,11 @@ use super::form::FormEvidence;
 use super::frame::{Octave, SECTORS};
 use super::lines::{CorrespondenceLines, NoFit, log_mean_exp};
 use super::offset::{OffsetSlope, shift};
+use super::patch::Patch;
 use super::size::SizePrior;
 use super::yaw::YawPrior;
-use super::{Coordinates, EdgeCue, EdgeFrame, LANES};
-use crate::shape::Stance;
+use super::{EdgeCue, EdgeFrame, LANES};
 use crate::tuning::EdgeTuning;
-
-/// Sums of the lines' log-likelihood ratios over each sector, for a block of outlines.
-pub(super) struct SectorSums([[f32; LANES]; SECTORS]);
-
-impl SectorSums {
-    #[inline(always)]
-    pub(super) fn of(lines: &CorrespondenceLines, outlines: &[Coordinates]) -> Self {
-        let mut sums = [[0_f32; LANES]; SECTORS];
-        for (k, [u, v]) in outlines.iter().enumerate() {
-            let sum = &mut sums[lines.sector(k)];
-            for lane in 0..LANES {
-                sum[lane] += lines.line_log_ratio(k, lines.shift_px(k, [u[lane], v[lane]]));
-            }
-        }
-        Self(sums)
-    }
-
-    /// The same for outlines moved by offsets, in the frame's pixels.
-    #[inline(always)]
-    pub(super) fn shifted(
-        lines: &CorrespondenceLines,
-        outlines: &[Coordinates],
-        [du, dv]: &[[f32; LANES]; 2],
-    ) -> Self {
-        let mut sums = [[0_f32; LANES]; SECTORS];
-        for (k, [u, v]) in outlines.iter().enumerate() {
-            let sum = &mut sums[lines.sector(k)];
-            for lane in 0..LANES {
-                let point = [u[lane] + du[lane], v[lane] + dv[lane]];
-                sum[lane] += lines.line_log_ratio(k, lines.shift_px(k, point));
-            }
-        }
-        Self(sums)
-    }
-
-    pub(super) fn lane(&self, lane: usize) -> [f32; SECTORS] {
-        std::array::from_fn(|sector| self.0[sector][lane])
-    }
-}
 
 /// The damping of Newton steps (Levenberg-Marquardt), a share of the curvature: at first, ... Hand-set, as the following.
 const FIRST_DAMPING: f64 = 1e-3;
@@ -134,12 +95,28 @@ impl FormPrior {
     }
 }
 
-/// The log-likelihood's gradient and curvature in position and form.
+/// What the lines say at a detection: the log-likelihood ratio, with its gradient and curvature in position and form.
 struct Slope {
+    log_ratio: f64,
     gradient: Vector4<f64>,
     curvature: Matrix4<f64>,
     /// The sum of the lines' curvatures, 1/px².
     of_shift: f64,
+    /// By how many pixels the outline moves at most, per metre along each axis and per unit of the form.
+    px_per_unit: [f64; 4],
+}
+
+impl Prior {
+    /// The logarithm of its density at a detection, and of those of the cameras' offsets.
+    fn log_density(&self, detection: &Detection) -> f64 {
+        let place = detection.place();
+        let mut log_density = self.form.log_density(place[FORM]) + detection.offsets_log_density();
+        if let Some((mean, information)) = self.gaussian {
+            let off = place - mean;
+            log_density -= 0.5 * (off.transpose() * information * off)[0];
+        }
+        log_density
+    }
 }
 
 /// The index of the form.
@@ -155,6 +132,7 @@ impl EdgeCue {
         start: &FitStart,
         detection: &mut Detection,
     ) -> Result<(), NoFit> {
+        self.patches.iter_mut().for_each(Patch::clear);
         detection.position_m = start.position_m;
         detection.displacement_m = start.displacement_m;
         detection.log_scale = start.log_scale;
@@ -206,14 +184,15 @@ impl EdgeCue {
             };
             self.project(frame.projector(), &position, stance);
             shift(&mut self.coordinates, detection.offsets[lines.camera].px);
-            let of_fit = lines.replace_exponent(exponent);
+            let of_fit = lines.replace_exponent(exponent, self.level);
             let mut sums = [[0_f32; DEVIATIONS]; SECTORS];
             let deviations_px = deviations_px(tolerance_px);
             for (k, [u, v]) in self.coordinates.iter().enumerate() {
                 let shift_px = lines.shift_px(k, [u[0], v[0]]);
-                let sums = &mut sums[lines.sector(k)];
-                for (sum, deviation_px) in sums.iter_mut().zip(deviations_px) {
-                    *sum += lines.line_log_ratio(k, shift_px + deviation_px);
+                let shifts_px = deviations_px.map(|deviation_px| shift_px + deviation_px);
+                let log_ratios = lines.line_log_ratios(k, &shifts_px);
+                for (sum, log_ratio) in sums[lines.sector(k)].iter_mut().zip(log_ratios) {
+                    *sum += log_ratio;
                 }
             }
             let sums = sums.map(|sums| log_mean_exp(&sums));
@@ -224,7 +203,7 @@ impl EdgeCue {
                 detection.rectangle_nats +=
                     libm::log1p(libm::exp(f64::from(of_rectangle) - rarity));
             }
-            lines.replace_exponent(of_fit);
+            lines.replace_exponent(of_fit, self.level);
         }
     }
 
@@ -259,7 +238,7 @@ impl EdgeCue {
             detection.restore_coarse_offsets();
             // As before: there were lines.
             let _ = self.place_lines(frames, finer - 1, detection);
-            self.note_log_ratios(frames, detection);
+            self.slope(frames, detection);
             detection.information = information;
             (detection.drift_m, detection.of_form) = (drift_m, of_form);
             detection.log_likelihood_ratio = log_ratio;
@@ -293,27 +272,29 @@ impl EdgeCue {
             }
             let fixed = [prior.is_planar, !self.fits_form(prior, detection)];
             let mut damping = FIRST_DAMPING;
-            let mut value = self.value(frames, detection, detection.place(), prior);
+            let mut slope = self.slope(frames, detection);
+            let mut value = slope.log_ratio + prior.log_density(detection);
             let mut moved_px = 0.0_f64;
             for _ in 0..steps {
                 let here = detection.place();
-                let (slope, shift_px) = self.slope(frames, detection, Some(prior));
-                let Some((step, size_px)) = solve(&slope, damping, fixed, &shift_px) else {
+                let with_prior = self.with_prior(&slope, detection, prior);
+                let Some((step, size_px)) = solve(with_prior, damping, fixed, &slope.px_per_unit)
+                else {
                     break;
                 };
                 // Lines do not reach farther.
                 let shrink = (max_shift_px / size_px).min(1.0);
                 let (step, size_px) = (step * shrink, size_px * shrink);
-                let there = here + step;
                 detection.step_offsets(&step, max_shift_px);
-                let new_value = self.value(frames, detection, there, prior);
+                detection.set_place(&(here + step));
+                let new_slope = self.slope(frames, detection);
+                let new_value = new_slope.log_ratio + prior.log_density(detection);
                 if new_value > value {
-                    value = new_value;
-                    detection.position_m = there.xyz().into();
-                    detection.set_form(there[FORM]);
+                    (slope, value) = (new_slope, new_value);
                     damping *= DAMPING_FACTORS[0];
                     moved_px += size_px;
                 } else {
+                    detection.set_place(&here);
                     detection.restore_offsets();
                     damping = (damping * DAMPING_FACTORS[1]).max(LEAST_FAILED_DAMPING);
                 }
@@ -325,9 +306,9 @@ impl EdgeCue {
                 break;
             }
         }
-        let (slope, _) = self.slope(frames, detection, None);
+        let slope = self.slope(frames, detection);
         detection.information = slope.curvature;
-        detection.log_likelihood_ratio = self.note_log_ratios(frames, detection);
+        detection.log_likelihood_ratio = slope.log_ratio;
         let fits_form = self.fits_form(prior, detection);
         detection.note_form(&slope, prior.is_planar, fits_form);
         if detection.log_likelihood_ratio.is_finite() {
@@ -364,7 +345,7 @@ impl EdgeCue {
                 (&self.coordinates, displacement_px),
                 table,
                 (&self.settings, &self.tuning),
-                &mut self.buffers,
+                (&mut self.buffers, &mut self.patches[frame.camera()]),
             );
             match placed {
                 Ok(()) => count += 1,
@@ -415,72 +396,40 @@ impl EdgeCue {
         is_seen && !detection.is_streak()
     }
 
-    /// Returns the log-likelihood ratio at a place plus the prior's log-density there.
-    fn value(
-        &mut self,
-        frames: &[EdgeFrame],
+    /// Returns gradient and curvature with the prior's.
+    fn with_prior(
+        &self,
+        slope: &Slope,
         detection: &Detection,
-        place: Vector4<f64>,
         prior: &Prior,
-    ) -> f64 {
-        let mut value = prior.form.log_density(place[FORM]) + detection.offsets_log_density();
+    ) -> (Vector4<f64>, Matrix4<f64>) {
+        let (mut gradient, mut curvature) = (slope.gradient, slope.curvature);
         if let Some((mean, information)) = prior.gaussian {
-            let off = place - mean;
-            value -= 0.5 * (off.transpose() * information * off)[0];
+            gradient -= information * (detection.place() - mean);
+            curvature += information;
         }
-        let (position, stance) = (place.xyz(), detection.stance_of(place[FORM]));
-        for lines in detection.lines() {
-            let place = (position.into(), stance, detection.offset(lines.camera).px);
-            value += f64::from(self.lines_log_ratio(frames, lines, place));
+        if self.fits_form(prior, detection) {
+            let form = detection.form();
+            let information = prior.form.information(form);
+            let off = form - prior.form.likeliest();
+            gradient[FORM] -= information * off;
+            curvature[(FORM, FORM)] += information;
         }
-        value
+        (gradient, curvature)
     }
 
-    /// Returns the log-likelihood ratio of one camera's lines at a position, of the shape in this stance, with this offset in pixels.
-    fn lines_log_ratio(
-        &mut self,
-        frames: &[EdgeFrame],
-        lines: &CorrespondenceLines,
-        (position_m, stance, offset): ([f64; 3], Stance, Vector2<f64>),
-    ) -> f32 {
-        let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
-            return 0.0;
-        };
-        let position = position_m.map(|v| [v as f32; LANES]);
-        self.project(frame.projector(), &position, stance);
-        shift(&mut self.coordinates, offset);
-        lines.log_likelihood_ratio(&SectorSums::of(lines, &self.coordinates).lane(0))
-    }
-
-    /// Notes the log-likelihood ratio of each camera's lines at the detection. Returns their sum.
-    fn note_log_ratios(&mut self, frames: &[EdgeFrame], detection: &mut Detection) -> f64 {
-        let (position_m, stance) = (detection.position_m, detection.stance());
-        let mut sum = 0.0;
-        for lines in &mut detection.lines[..detection.camera_count] {
-            let offset = detection.offsets[lines.camera].px;
-            lines.fitted_log_ratio =
-                self.lines_log_ratio(frames, lines, (position_m, stance, offset));
-            sum += f64::from(lines.fitted_log_ratio);
-        }
-        sum
-    }
-
-    /// Returns gradient and curvature at a detection, and how many pixels the outline moves per metre along each axis and per unit of the form.
-    fn slope(
-        &mut self,
-        frames: &[EdgeFrame],
-        detection: &mut Detection,
-        prior: Option<&Prior>,
-    ) -> (Slope, [f64; 4]) {
+    /// Returns what the lines say at a detection. Notes the log-likelihood ratio of each camera's.
+    fn slope(&mut self, frames: &[EdgeFrame], detection: &mut Detection) -> Slope {
         let mut slope = Slope {
+            log_ratio: 0.0,
             gradient: Vector4::zeros(),
             curvature: Matrix4::zeros(),
             of_shift: 0.0,
+            px_per_unit: [0.0; 4],
         };
         let (position, stance) = (Vector3::from(detection.position_m), detection.stance());
         let turns = detection.yaw.is_some();
         let span_px = self.tuning.span_px;
-        let mut most = [0.0_f64; 4];
         // Either way along each axis.
         let step_m = STEP_DIAMETERS * self.diameter_m * stance.scale;
         let mut positions = [[0_f32; LANES]; 3];
@@ -495,7 +444,7 @@ impl EdgeCue {
         let width_m: [f32; 3] = std::array::from_fn(|axis| {
             positions[axis][1 + 2 * axis] - positions[axis][2 + 2 * axis]
         });
-        for lines in &detection.lines[..detection.camera_count] {
+        for lines in &mut detection.lines[..detection.camera_count] {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
@@ -510,7 +459,9 @@ impl EdgeCue {
             let mut of_offset = OffsetSlope::default();
             // A ball that grows looks like one that comes nearer.
             let nearer = frame.viewpoint_m() - position;
-            let sums = SectorSums::of(lines, &self.coordinates).lane(0);
+            let sums = lines.sums_of_first(&self.coordinates);
+            lines.fitted_log_ratio = lines.log_likelihood_ratio(&sums);
+            slope.log_ratio += f64::from(lines.fitted_log_ratio);
             let visible = lines.visible_given(&sums);
             for k in 0..lines.line_count() {
                 let [u, v] = &self.coordinates[k];
@@ -535,11 +486,11 @@ impl EdgeCue {
                 };
                 let along = along.push(of_form);
                 for axis in 0..4 {
-                    most[axis] = most[axis].max(along[axis].abs());
+                    slope.px_per_unit[axis] = slope.px_per_unit[axis].max(along[axis].abs());
                 }
                 let shift_px = lines.shift_px(k, [u[0], v[0]]);
-                let at = |d: f32| lines.line_log_ratio(k, shift_px + d);
-                let [less, here, more] = [-span_px, 0.0, span_px].map(at);
+                let shifts_px = [-span_px, 0.0, span_px].map(|d| shift_px + d);
+                let [less, here, more] = lines.line_log_ratios(k, &shifts_px);
                 let gradient = (more - less) / (2.0 * span_px);
                 let least = self.tuning.min_curvature * lines.likelihood_exponent;
                 let curvature = ((2.0 * here - less - more) / (span_px * span_px)).max(least);
@@ -558,21 +509,7 @@ impl EdgeCue {
                 slope.curvature -= curvature;
             }
         }
-        let Some(prior) = prior else {
-            return (slope, most);
-        };
-        if let Some((mean, information)) = prior.gaussian {
-            slope.gradient -= information * (detection.place() - mean);
-            slope.curvature += information;
-        }
-        if self.fits_form(prior, detection) {
-            let form = detection.form();
-            let information = prior.form.information(form);
-            let off = form - prior.form.likeliest();
-            slope.gradient[FORM] -= information * off;
-            slope.curvature[(FORM, FORM)] += information;
-        }
-        (slope, most)
+        slope
     }
 
     /// Writes how far the points of the outline that was projected last, its first lane, at this position, move as the body turns. The outline follows the points of the body that are on it:
@@ -634,13 +571,11 @@ fn fix(curvature: &mut Matrix4<f64>, fixed: usize) {
 
 /// Returns the damped Newton step, and by how many pixels it moves the outline at most. Height and form may be fixed.
 fn solve(
-    slope: &Slope,
+    (mut gradient, mut curvature): (Vector4<f64>, Matrix4<f64>),
     damping: f64,
     [height, form]: [bool; 2],
     px_per_unit: &[f64; 4],
 ) -> Option<(Vector4<f64>, f64)> {
-    let mut curvature = slope.curvature;
-    let mut gradient = slope.gradient;
     for axis in 0..4 {
         curvature[(axis, axis)] *= 1.0 + damping;
     }

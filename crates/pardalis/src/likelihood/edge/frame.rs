@@ -3,9 +3,12 @@
 use nalgebra::{Point3, Vector3};
 
 use super::super::outline::Projector;
+use super::patch::{CHUNK, PatchPixel};
 use crate::color::{
     COARSEST_OCTAVE, ColorRanges, IlluminationCorrection, MatchTable, Palette, PixelKind,
+    PixelTable,
 };
+use crate::frame::with_pixels;
 use crate::rolling_shutter::RowMotion;
 use crate::view::PreparedFrame;
 use pardalis_camera::LANES;
@@ -138,6 +141,8 @@ pub(crate) struct EdgeFrame<'a> {
     prepared: PreparedFrame<'a>,
     projector: Projector<'a>,
     kind: PixelKind,
+    /// The bins of the palette.
+    bins: &'a PixelTable,
     /// Pixels outside of these ranges are not the target's.
     in_ranges: Option<&'a MatchTable>,
     context: EdgeFrameContext<'a>,
@@ -155,6 +160,7 @@ impl<'a> EdgeFrame<'a> {
             prepared,
             projector: Projector::moving(prepared.view(), context.motion.as_ref()),
             kind: PixelKind::of(prepared.frame()),
+            bins: prepared.table(context.colors.0),
             in_ranges: context.colors.1.map(|ranges| prepared.match_table(ranges)),
             context,
         }
@@ -227,48 +233,88 @@ impl<'a> EdgeFrame<'a> {
         self.prepared.view().is_open(column, row)
     }
 
-    /// Returns the mean colour of a pixel of an octave (Y, U and V) and whether most of it is in the target's colours; `None` if part of it is masked.
-    pub(super) fn pixel(
+    /// Returns the mean colours of `count` pixels of a row of an octave, from a column and a row on, and whether most of each is in the target's colours.
+    pub(super) fn pixels(
         &self,
+        level: Level,
         octave: Octave,
-        column: usize,
-        row: usize,
-    ) -> Option<([f32; 3], bool)> {
-        if octave == Octave::default() {
-            return self.frame_pixel(column, row);
-        }
+        [column, row]: [usize; 2],
+        count: usize,
+    ) -> [PatchPixel; CHUNK] {
+        let size = octave.pixels();
         let step = 1 << octave.0.saturating_sub(Octave::SAMPLED);
         let first = step / 2;
-        let [left, top] = [column, row].map(|place| place * octave.pixels());
-        let (mut sums, mut count, mut matching) = ([0.0_f32; 3], 0, 0);
-        for y in (first..octave.pixels()).step_by(step) {
-            for x in (first..octave.pixels()).step_by(step) {
-                let (yuv, matches) = self.frame_pixel(left + x, top + y)?;
-                (0..3).for_each(|i| sums[i] += yuv[i]);
-                count += 1;
-                matching += u32::from(matches);
+        let mut sums = [[0_f32; CHUNK]; 4];
+        let mut samples = 0.0;
+        for y in (first..size).step_by(step) {
+            for x in (first..size).step_by(step) {
+                let place = [column * size + x, row * size + y];
+                self.add_pixels(level, (place, size), count, &mut sums);
+                samples += 1.0;
             }
         }
-        Some((sums.map(|sum| sum / count as f32), 2 * matching > count))
+        let [y, u, v, matches] = sums;
+        std::array::from_fn(|i| {
+            let matches = if matches[i].is_nan() {
+                f32::NAN
+            } else {
+                f32::from(u8::from(2.0 * matches[i] > samples))
+            };
+            [y[i] / samples, u[i] / samples, v[i] / samples, matches]
+        })
     }
 
-    /// Returns the colour of a pixel of the frame (Y, U and V) and whether it is one of the target's; `None` if the pixel is masked.
-    fn frame_pixel(&self, column: usize, row: usize) -> Option<([f32; 3], bool)> {
-        if !self.is_open(column, row) {
-            return None;
+    /// Adds the colours of `count` pixels of the frame that are `step` apart, from a column and a row on: Y, U and V, and whether each is in the target's colours, or NaN if
+    /// it is masked.
+    fn add_pixels(
+        &self,
+        level: Level,
+        ([column, row], step): ([usize; 2], usize),
+        count: usize,
+        sums: &mut [[f32; CHUNK]; 4],
+    ) {
+        let mut bytes = [[0_u8; CHUNK]; 3];
+        let frame = self.prepared.frame();
+        with_pixels!(frame, components => for i in 0..count {
+            let pixel = components(column + i * step, row);
+            for (of_channel, value) in bytes.iter_mut().zip(pixel) {
+                of_channel[i] = value;
+            }
+        });
+        let mut corrected = bytes;
+        level.run(
+            #[inline(always)]
+            || {
+                corrected = self.context.correction.block(bytes);
+                let yuv = self.kind.full_range_yuv_of_block(&bytes);
+                for (sums, values) in sums.iter_mut().zip(&yuv) {
+                    for (sum, value) in sums.iter_mut().zip(values) {
+                        *sum += value;
+                    }
+                }
+            },
+        );
+        for i in 0..count {
+            sums[3][i] += if self.is_open(column + i * step, row) {
+                let corrected = [corrected[0][i], corrected[1][i], corrected[2][i]];
+                f32::from(u8::from(self.matches_corrected(corrected)))
+            } else {
+                f32::NAN
+            };
         }
-        let bytes = self.prepared.frame().components(column, row);
-        Some((self.kind.full_range_yuv(bytes), self.matches(bytes)))
     }
 
     /// Returns whether a pixel's raw bytes are one of the target's colours.
     pub(crate) fn matches(&self, bytes: [u8; 3]) -> bool {
-        let corrected = self.context.correction.bytes(bytes);
-        let bin = self.prepared.table(self.context.colors.0).bin(corrected);
-        self.context.posterior[usize::from(bin)] >= self.context.min_posterior
-            && self
-                .in_ranges
-                .is_none_or(|table| table.matches(corrected) == 1)
+        self.matches_corrected(self.context.correction.bytes(bytes))
+    }
+
+    fn matches_corrected(&self, corrected: [u8; 3]) -> bool {
+        // The small table first: it rules out most pixels.
+        let in_ranges = self.in_ranges;
+        in_ranges.is_none_or(|table| table.matches(corrected) == 1)
+            && self.context.posterior[usize::from(self.bins.bin(corrected))]
+                >= self.context.min_posterior
     }
 
     /// Returns whether a colour (Y, U and V) is one of the target's.

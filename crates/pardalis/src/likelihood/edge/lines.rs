@@ -2,11 +2,15 @@
 
 use super::corners::{Corner, Crossing, bend, corner, nearest, orientation};
 use super::frame::{Octave, SECTORS};
+use super::patch::Patch;
 use super::streak::{Mixture, Streak};
 use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
 use crate::tuning::EdgeTuning;
+use pardalis_camera::LANES;
+use pardalis_core::real::{exp_f32, ln_f32};
+use pardalis_core::simd::Level;
 
 /// The reach of lines either way, in pixels. Hand-set: positions off by more are found by the next round of the fit.
 pub(super) const REACH_PX: f32 = 5.0;
@@ -14,7 +18,10 @@ pub(super) const REACH_PX: f32 = 5.0;
 pub(super) const SHIFTS: usize = 41;
 pub(super) const SHIFTS_A_PX: usize = 4;
 /// The band of pixels that are looked at, signed distances from the outline in pixels: reach plus the colours of either side. Hand-set.
-const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
+pub(super) const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
+/// Pixels farther from all points of the outline, with half the distance between these, are not in the band. Derivation: half as far again as the band reaches, for
+/// pixels beside corners.
+const FAR_PX: f32 = 13.5;
 /// Pixels that show what surrounds the body, signed distances from the outline in pixels. Hand-set: beyond the blur of edges.
 const SURROUNDING_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
 /// The weight of squared differences in U and V against those in Y, when surroundings are compared. Hand-set: chroma changes less with shadows.
@@ -76,6 +83,8 @@ pub(super) struct LineBuffers {
     streak: Streak,
     /// What each pixel is in a streak; none for a body at rest.
     mixtures: Vec<Mixture>,
+    /// The sector of each line.
+    sectors: Vec<usize>,
 }
 
 impl LineBuffers {
@@ -89,6 +98,7 @@ impl LineBuffers {
             corners: Vec::new(),
             streak: Streak::with_room(Self::PIXELS),
             mixtures: Vec::with_capacity(Self::PIXELS),
+            sectors: Vec::new(),
         }
     }
 }
@@ -149,7 +159,7 @@ impl CorrespondenceLines {
         (outline, displacement_px): (&[Coordinates], [f32; 2]),
         table: &Table,
         (settings, tuning): (&EdgeSettings, &EdgeTuning),
-        buffers: &mut LineBuffers,
+        (buffers, patch): (&mut LineBuffers, &mut Patch),
     ) -> Result<(), NoFit> {
         self.camera = frame.camera();
         self.octave = octave;
@@ -160,6 +170,7 @@ impl CorrespondenceLines {
             corners,
             streak,
             mixtures,
+            ..
         } = buffers;
         let count = outline.len();
         let orientation = orientation(outline);
@@ -200,19 +211,23 @@ impl CorrespondenceLines {
                 displacement,
                 tuning.streak_edge_px,
                 |pixel, near| {
-                    let nearest = nearest(corners, pixel, near);
+                    let (nearest, _) = nearest(corners, pixel, near);
                     (nearest, corners[nearest].distance_px(pixel))
                 },
             );
             take_mixtures(
-                (frame, octave),
+                (frame, octave, table.level()),
                 (streak, count as f32, thinning),
-                pixels,
-                places,
-                mixtures,
+                (pixels, places, mixtures),
+                patch,
             );
         } else {
-            take_pixels((frame, octave), corners, thinning, pixels, places);
+            take_pixels(
+                (frame, octave, table.level()),
+                (corners, thinning),
+                (pixels, places),
+                patch,
+            );
         }
         let weight = thinning as f32;
         let Some(surroundings) = Surroundings::of(pixels) else {
@@ -223,10 +238,11 @@ impl CorrespondenceLines {
         self.log_ratios.resize(count, [0.0; SHIFTS]);
         let colors = self.sum_pixels(frame, (&surroundings, table), buffers, (weight, tuning));
         self.find_visible(frame, &colors, tuning);
-        self.likelihood_exponent = settings.likelihood_exponent as f32;
-        self.likelihood_exponent /=
-            1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
-        self.find_anywhere();
+        let exponent = settings.likelihood_exponent as f32;
+        // The curvature is that with the exponent of the settings.
+        self.likelihood_exponent = exponent;
+        let shared = self.curvature() * (settings.shared_sigma_px as f32).powi(2);
+        self.replace_exponent(exponent / (1.0 + shared), table.level());
         if self.visible_share >= tuning.min_visible_share {
             Ok(())
         } else {
@@ -239,23 +255,25 @@ impl CorrespondenceLines {
         &mut self,
         frame: &EdgeFrame,
         (surroundings, table): (&Surroundings, &Table),
-        buffers: &LineBuffers,
+        buffers: &mut LineBuffers,
         (weight, tuning): (f32, &EdgeTuning),
     ) -> SectorColors {
-        let count = self.crossings.len();
+        let sectors = &mut buffers.sectors;
+        sectors.clear();
+        sectors.extend((0..self.line_count()).map(|line| self.sector(line)));
         let mut colors = SectorColors::default();
         let pixels = buffers.pixels.iter().zip(&buffers.places);
         for (i, (pixel, &(line, matches))) in pixels.enumerate() {
-            let sector = line * SECTORS / count;
-            let membership = surroundings.membership(pixel);
-            let side = surroundings.side(pixel);
+            let sector = sectors[line];
+            let local = surroundings.at(pixel);
+            let (membership, side) = (local.membership(pixel.yuv), local.side());
             if SURROUNDING_PX.contains(&pixel.distance_px) {
                 add(&mut colors.around[sector], pixel.yuv);
                 colors.matching_around += f32::from(u8::from(matches));
             }
             let log_ratios = &mut self.log_ratios[line];
             if let Some(mixture) = buffers.mixtures.get(i) {
-                let around = surroundings.around(pixel);
+                let around = local.around();
                 let own = mixture.own_color(pixel.yuv, around, tuning.min_mixture, |color| {
                     frame.is_target_color(color)
                 });
@@ -269,14 +287,18 @@ impl CorrespondenceLines {
                     let shift = [nu * shift_px, nv * shift_px];
                     buffers.streak.shifted_px(mixture.pixel, shift)
                 };
-                table.add_streak((matches, side, membership), at_rest_px, weight, log_ratios);
+                table.add_streak((matches, side, membership), at_rest_px, log_ratios);
             } else {
                 if BodyColors::DEPTH_PX.contains(&pixel.distance_px) {
                     colors.add_body(sector, weight, matches.then_some(pixel.yuv));
                 }
                 let distance_px = pixel.distance_px;
-                table.add((matches, side, membership), distance_px, weight, log_ratios);
+                table.add((matches, side, membership), distance_px, log_ratios);
             }
+        }
+        if weight != 1.0 {
+            let log_ratios = self.log_ratios.iter_mut().flatten();
+            log_ratios.for_each(|log_ratio| *log_ratio *= weight);
         }
         colors
     }
@@ -336,8 +358,7 @@ impl CorrespondenceLines {
     /// The curvature of the sum of all lines' log-likelihoods when the outline grows, 1/px².
     fn curvature(&self) -> f32 {
         let of_line = |k: usize| {
-            let [less, here, more] =
-                [-0.5, 0.0, 0.5].map(|shift_px| self.line_log_ratio(k, shift_px));
+            let [less, here, more] = self.line_log_ratios(k, &[-0.5, 0.0, 0.5]);
             (2.0 * here - less - more) / 0.25
         };
         let sum: f32 = (0..self.line_count()).map(of_line).sum();
@@ -345,23 +366,45 @@ impl CorrespondenceLines {
     }
 
     /// Sets the exponent of the lines' likelihoods. Returns the one before.
-    pub(super) fn replace_exponent(&mut self, exponent: f32) -> f32 {
+    pub(super) fn replace_exponent(&mut self, exponent: f32, level: Level) -> f32 {
         let before = std::mem::replace(&mut self.likelihood_exponent, exponent);
-        self.find_anywhere();
+        self.anywhere = level.run(
+            #[inline(always)]
+            || self.anywhere(),
+        );
         before
     }
 
-    fn find_anywhere(&mut self) {
-        self.anywhere = self.sector_sums().map(|sums| log_mean_exp(&sums));
+    #[inline(always)]
+    fn anywhere(&self) -> [f32; SECTORS] {
+        let sums = self.sector_sums();
+        // All sectors at once.
+        let sums: [[f32; SECTORS]; SHIFTS] =
+            std::array::from_fn(|shift| std::array::from_fn(|sector| sums[sector][shift]));
+        let mut most = [f32::NEG_INFINITY; SECTORS];
+        for sums in &sums {
+            for sector in 0..SECTORS {
+                most[sector] = most[sector].max(sums[sector]);
+            }
+        }
+        let mut totals = [0.0_f32; SECTORS];
+        for sums in &sums {
+            for sector in 0..SECTORS {
+                totals[sector] += exp_f32(sums[sector] - most[sector]);
+            }
+        }
+        std::array::from_fn(|sector| most[sector] + ln_f32(totals[sector] / SHIFTS as f32))
     }
 
     /// The sums over each sector of its lines' log-likelihood ratios, with the likelihood exponent, for the shifts of lines.
+    #[inline(always)]
     pub(super) fn sector_sums(&self) -> [[f32; SHIFTS]; SECTORS] {
-        let count = self.log_ratios.len();
         let mut sums = [[0_f32; SHIFTS]; SECTORS];
-        for (line, log_ratios) in self.log_ratios.iter().enumerate() {
-            for (sum, log_ratio) in sums[line * SECTORS / count].iter_mut().zip(log_ratios) {
-                *sum += self.likelihood_exponent * log_ratio;
+        for (sector, sums) in sums.iter_mut().enumerate() {
+            for line in self.lines_of(sector) {
+                for (sum, log_ratio) in sums.iter_mut().zip(&self.log_ratios[line]) {
+                    *sum += self.likelihood_exponent * log_ratio;
+                }
             }
         }
         sums
@@ -383,47 +426,124 @@ impl CorrespondenceLines {
         self.crossings.len()
     }
 
-    /// The log-likelihood ratio of line `k` for a shift, with the likelihood exponent, by a quadratic B-spline, which is smooth. Beyond the reach there is no edge of this
-    /// body.
+    /// The log-likelihood ratios of line `k` for shifts, with the likelihood exponent, by a quadratic B-spline, which is smooth. Beyond the reach there is no edge of this
+    /// body; a point of an outline that has no pixel says nothing.
     #[inline(always)]
-    pub(super) fn line_log_ratio(&self, k: usize, shift_px: f32) -> f32 {
-        // One of the outlines has no pixel here.
-        if shift_px.is_nan() {
-            return 0.0;
+    pub(super) fn line_log_ratios<const N: usize>(
+        &self,
+        k: usize,
+        shifts_px: &[f32; N],
+    ) -> [f32; N] {
+        // Adding it rounds to an integer, which is then in the lowest bits.
+        const ROUND: f32 = 8_388_608.0;
+        const LAST: usize = SHIFTS - 2;
+        let (mut nearest, mut offs) = ([0_u32; N], [0_f32; N]);
+        for i in 0..N {
+            let step = (shifts_px[i] + REACH_PX) * SHIFTS_A_PX as f32;
+            // In this order NaN becomes a number, so that it can be an index.
+            #[allow(clippy::manual_clamp)]
+            let step = step.max(1.0).min(LAST as f32);
+            let rounded = step + ROUND;
+            nearest[i] = rounded.to_bits() & 0x7f;
+            offs[i] = step - (rounded - ROUND);
         }
-        let step = ((shift_px + REACH_PX) * SHIFTS_A_PX as f32).clamp(1.0, (SHIFTS - 2) as f32);
-        let nearest = (step + 0.5) as usize;
-        let off = step - nearest as f32;
-        let [before, at, after] =
-            [nearest - 1, nearest, nearest + 1].map(|i| self.log_ratios[k][i]);
-        let (less, more) = (0.5 - off, 0.5 + off);
-        let inside = self.likelihood_exponent
-            * (0.5 * less * less * before + (0.75 - off * off) * at + 0.5 * more * more * after);
-        if shift_px.abs() < REACH_PX {
-            inside
-        } else {
-            inside.min(0.0) - self.beyond_reach_nats
+        let of_shifts = &self.log_ratios[k];
+        let mut near = [[0_f32; N]; 3];
+        for i in 0..N {
+            let nearest = (nearest[i] as usize).clamp(1, LAST);
+            for (j, near) in near.iter_mut().enumerate() {
+                near[i] = of_shifts[nearest - 1 + j];
+            }
         }
+        let mut log_ratios = [0_f32; N];
+        for i in 0..N {
+            let [before, at, after] = [near[0][i], near[1][i], near[2][i]];
+            let (less, more) = (0.5 - offs[i], 0.5 + offs[i]);
+            let middle = 0.75 - offs[i] * offs[i];
+            let inside = self.likelihood_exponent
+                * (0.5 * less * less * before + middle * at + 0.5 * more * more * after);
+            let beyond = inside.min(0.0) - self.beyond_reach_nats;
+            let log_ratio = if shifts_px[i].abs() < REACH_PX {
+                inside
+            } else {
+                beyond
+            };
+            log_ratios[i] = if shifts_px[i].is_nan() {
+                0.0
+            } else {
+                log_ratio
+            };
+        }
+        log_ratios
     }
 
-    /// The log-likelihood ratio of the whole outline against an edge anywhere, from the sums of [`CorrespondenceLines::line_log_ratio`] over each sector. A sector is visible, or
+    /// The sums of the lines' log-likelihood ratios over each sector, for one outline: the first of a block.
+    pub(super) fn sums_of_first(&self, outlines: &[Coordinates]) -> [f32; SECTORS] {
+        std::array::from_fn(|sector| {
+            let lines = self.lines_of(sector);
+            let of_line = |k: usize| {
+                let [u, v] = &outlines[k];
+                let [log_ratio] = self.line_log_ratios(k, &[self.shift_px(k, [u[0], v[0]])]);
+                log_ratio
+            };
+            lines.map(of_line).sum()
+        })
+    }
+
+    /// The log-likelihood ratio of the whole outline against an edge anywhere, from the sums of [`CorrespondenceLines::line_log_ratios`] over each sector. A sector is visible, or
     /// occluded and says nothing.
-    #[inline(always)]
     pub(super) fn log_likelihood_ratio(&self, sums: &[f32; SECTORS]) -> f32 {
-        let mut total = 0.0;
-        for sector in 0..SECTORS {
-            let visible = self.visible[sector];
-            let log_ratio = (sums[sector] - self.anywhere[sector]).min(60.0);
-            total += libm::logf(visible * libm::expf(log_ratio) + 1.0 - visible);
-        }
-        total
+        let of_sector = |sector: usize| self.sector_log_ratio(sector, sums[sector]);
+        (0..SECTORS).map(of_sector).sum()
+    }
+
+    /// The same for a block of outlines, moved by offsets in the frame's pixels if there are any.
+    pub(super) fn log_likelihood_ratios(
+        &self,
+        level: Level,
+        outlines: &[Coordinates],
+        offsets: Option<&[[f32; LANES]; 2]>,
+    ) -> [f32; LANES] {
+        level.run(
+            #[inline(always)]
+            || {
+                let [du, dv] = offsets.copied().unwrap_or_default();
+                let mut totals = [0_f32; LANES];
+                for sector in 0..SECTORS {
+                    let mut sums = [0_f32; LANES];
+                    for k in self.lines_of(sector) {
+                        let [u, v] = &outlines[k];
+                        let mut shifts_px = [0_f32; LANES];
+                        for lane in 0..LANES {
+                            let point = [u[lane] + du[lane], v[lane] + dv[lane]];
+                            shifts_px[lane] = self.shift_px(k, point);
+                        }
+                        let log_ratios = self.line_log_ratios(k, &shifts_px);
+                        for lane in 0..LANES {
+                            sums[lane] += log_ratios[lane];
+                        }
+                    }
+                    for lane in 0..LANES {
+                        totals[lane] += self.sector_log_ratio(sector, sums[lane]);
+                    }
+                }
+                totals
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn sector_log_ratio(&self, sector: usize, sum: f32) -> f32 {
+        let visible = self.visible[sector];
+        let log_ratio = (sum - self.anywhere[sector]).min(60.0);
+        ln_f32(visible * exp_f32(log_ratio) + 1.0 - visible)
     }
 
     /// The probability that each sector is visible, given its sum.
     pub(super) fn visible_given(&self, sums: &[f32; SECTORS]) -> [f32; SECTORS] {
         std::array::from_fn(|sector| {
             let visible = self.visible[sector];
-            let likely = visible * libm::expf((sums[sector] - self.anywhere[sector]).min(60.0));
+            let likely = visible * exp_f32((sums[sector] - self.anywhere[sector]).min(60.0));
             likely / (likely + 1.0 - visible)
         })
     }
@@ -433,13 +553,20 @@ impl CorrespondenceLines {
     pub(super) fn sector(&self, k: usize) -> usize {
         k * SECTORS / self.crossings.len()
     }
+
+    /// The lines of a sector.
+    #[inline(always)]
+    fn lines_of(&self, sector: usize) -> std::ops::Range<usize> {
+        let first = |sector: usize| (sector * self.crossings.len()).div_ceil(SECTORS);
+        first(sector)..first(sector + 1)
+    }
 }
 
 /// ln of the mean of the exponentials.
 pub(super) fn log_mean_exp(logs: &[f32]) -> f32 {
     let most = logs.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    let total: f32 = logs.iter().map(|log| libm::expf(log - most)).sum();
-    most + libm::logf(total / logs.len() as f32)
+    let total: f32 = logs.iter().map(|log| exp_f32(log - most)).sum();
+    most + ln_f32(total / logs.len() as f32)
 }
 
 /// The share of each sector that lies outside of look-alikes.
@@ -456,15 +583,14 @@ fn unshared(frame: &EdgeFrame, crossings: &[Crossing]) -> [f32; SECTORS] {
 
 /// Gathers an octave's pixels near an outline, each with its nearest corner; one in `thinning`, as on a chessboard.
 fn take_pixels(
-    (frame, octave): (&EdgeFrame, Octave),
-    corners: &[Corner],
-    thinning: usize,
-    pixels: &mut Vec<EdgePixel>,
-    places: &mut Vec<(usize, bool)>,
+    (frame, octave, level): (&EdgeFrame, Octave, Level),
+    (corners, thinning): (&[Corner], usize),
+    (pixels, places): (&mut Vec<EdgePixel>, &mut Vec<(usize, bool)>),
+    patch: &mut Patch,
 ) {
     pixels.clear();
     places.clear();
-    let count = corners.len();
+    let a_corner = 1.0 / corners.len() as f32;
     let far = BAND_PX.end();
     let (width, height) = octave.size(frame.size());
     // Casts of floats stay within the numbers.
@@ -474,24 +600,40 @@ fn take_pixels(
         let most = along.fold(f32::NEG_INFINITY, f32::max) + far;
         (least.max(0.0) as usize)..(((most + 1.0).max(0.0) as usize).min(size))
     };
-    let columns = bounds(0, width);
-    for y in bounds(1, height) {
+    let (columns, rows) = (bounds(0, width), bounds(1, height));
+    patch.cover((octave, (width, height)), &columns, &rows);
+    let widest_px = corners.iter().map(|corner| corner.length_px);
+    let far_px = FAR_PX
+        + 0.5
+            * widest_px
+                .filter(|length| length.is_finite())
+                .fold(0.0, f32::max);
+    for y in rows {
         let mut near = None;
-        for x in columns.clone().filter(|x| (x + y) % thinning == 0) {
+        let mut next = columns.start + (columns.start + y) % thinning;
+        while next < columns.end {
+            let x = next;
+            next += thinning;
             let pixel = [x as f32, y as f32];
-            let nearest = nearest(corners, pixel, near);
+            let (nearest, squared_px) = nearest(corners, pixel, near);
             near = Some(nearest);
+            if squared_px > far_px * far_px {
+                // The next pixels are too far as well.
+                let beyond_px = squared_px.sqrt() - far_px;
+                next += thinning * (beyond_px as usize / 2);
+                continue;
+            }
             let distance_px = corners[nearest].distance_px(pixel);
             if !BAND_PX.contains(&distance_px) {
                 continue;
             }
-            let Some((yuv, matches)) = frame.pixel(octave, x, y) else {
+            let Some((yuv, matches)) = patch.pixel((frame, level), x, y) else {
                 continue;
             };
             pixels.push(EdgePixel {
                 yuv,
                 distance_px,
-                turn: nearest as f32 / count as f32,
+                turn: nearest as f32 * a_corner,
             });
             places.push((nearest, matches));
         }
@@ -500,11 +642,14 @@ fn take_pixels(
 
 /// Gathers an octave's pixels near a streak.
 fn take_mixtures(
-    (frame, octave): (&EdgeFrame, Octave),
+    (frame, octave, level): (&EdgeFrame, Octave, Level),
     (streak, count, thinning): (&Streak, f32, usize),
-    pixels: &mut Vec<EdgePixel>,
-    places: &mut Vec<(usize, bool)>,
-    mixtures: &mut Vec<Mixture>,
+    (pixels, places, mixtures): (
+        &mut Vec<EdgePixel>,
+        &mut Vec<(usize, bool)>,
+        &mut Vec<Mixture>,
+    ),
+    patch: &mut Patch,
 ) {
     pixels.clear();
     places.clear();
@@ -513,8 +658,10 @@ fn take_mixtures(
     let within = |[least, most]: [f32; 2], size: usize| {
         (least.max(0.0) as usize)..(((most + 1.0).max(0.0) as usize).min(size))
     };
-    for y in within(rows, height) {
-        for x in within(columns, width).filter(|x| (x + y) % thinning == 0) {
+    let (columns, rows) = (within(columns, width), within(rows, height));
+    patch.cover((octave, (width, height)), &columns, &rows);
+    for y in rows {
+        for x in columns.clone().filter(|x| (x + y) % thinning == 0) {
             let pixel = [x as f32, y as f32];
             let Some(mixture) = streak.mixture(pixel) else {
                 continue;
@@ -522,7 +669,7 @@ fn take_mixtures(
             if mixture.hull_px > *BAND_PX.end() {
                 continue;
             }
-            let Some((yuv, matches)) = frame.pixel(octave, x, y) else {
+            let Some((yuv, matches)) = patch.pixel((frame, level), x, y) else {
                 continue;
             };
             pixels.push(EdgePixel {

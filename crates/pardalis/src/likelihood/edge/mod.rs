@@ -15,37 +15,38 @@ mod offset;
 #[cfg(test)]
 mod offset_tests;
 mod offsets;
+mod patch;
 mod rectangles;
 mod size;
 mod streak;
 #[cfg(test)]
 mod streak_tests;
+mod table;
 #[cfg(test)]
 mod tests;
 mod yaw;
 
 pub(crate) use detection::{Detection, Detections};
-use fit::SectorSums;
 pub(crate) use fit::{FitStart, PositionPrior};
 pub(crate) use form::FormEvidence;
 pub(crate) use frame::{EdgeFrame, EdgeFrameContext, Outlines, Surrounding};
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
-use crate::color::{
-    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, JUDGED_RADIUS_PX, Palette, Side,
-};
+use crate::color::{ColorModel, ColorRanges, EdgeProfile, JUDGED_RADIUS_PX, Palette};
 use crate::shape::{Shape, Stance};
 use crate::tuning::EdgeTuning;
 use crate::view::View;
 use frame::{Octave, SECTORS};
+use lines::LineBuffers;
 pub(crate) use lines::NoFit;
-use lines::{LineBuffers, REACH_PX, SHIFTS, SHIFTS_A_PX};
 pub(crate) use offset::MeasuredOffset;
 use pardalis_camera::LANES;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
+use patch::Patch;
 use rectangles::Rectangles;
 pub(crate) use size::SizePrior;
+use table::Table;
 pub(crate) use yaw::YawPrior;
 
 /// Parameters of the edge cue.
@@ -122,108 +123,15 @@ impl EdgeSettings {
     }
 }
 
-/// What pixels near the outline say, as lines sum it.
-#[derive(Debug)]
-struct Table {
-    /// Over distance, for pixels in other colours and in the target's, on either side of the body, in each bin of membership; the last is for pixels without.
-    rows: [[Vec<[f32; EdgeProfile::DISTANCES]>; 2]; 2],
-}
-
-impl Table {
-    fn new(by_distance: &[Box<EdgeLogRatios>; 2], octave: Octave, tuning: &EdgeTuning) -> Self {
-        let rows = [false, true].map(|matches| {
-            by_distance.each_ref().map(|by_distance| {
-                let row = |bin: usize| {
-                    std::array::from_fn(|distance| {
-                        let distance_px = 0.25 * distance as f64 - f64::from(EdgeProfile::REACH_PX);
-                        let of_region =
-                            region_log_ratio(matches, distance_px, octave, tuning) as f32;
-                        by_distance[distance].get(bin).copied().unwrap_or(0.0) + of_region
-                    })
-                };
-                (0..=EdgeProfile::MEMBERSHIPS).map(row).collect()
-            })
-        });
-        Self { rows }
-    }
-
-    /// The row of a pixel.
-    #[inline(always)]
-    fn row(
-        &self,
-        (matches, side, membership): (bool, Side, f32),
-    ) -> &[f32; EdgeProfile::DISTANCES] {
-        let bin = if membership.is_nan() {
-            EdgeProfile::MEMBERSHIPS
-        } else {
-            EdgeProfile::bin_of(membership)
-        };
-        &self.rows[usize::from(matches)][side as usize][bin]
-    }
-
-    /// Adds the log-ratios of a pixel of a streak for all shifts of the outline. `at_rest_px` returns, for a shift in pixels, the distance from a body at rest that has the
-    /// same mixture; it is asked for whole pixels and interpolated.
-    fn add_streak(
-        &self,
-        pixel: (bool, Side, f32),
-        at_rest_px: impl Fn(f32) -> f32,
-        weight: f32,
-        log_ratios: &mut [f32; SHIFTS],
-    ) {
-        const STEPS: usize = (SHIFTS - 1) / SHIFTS_A_PX;
-        let row = self.row(pixel);
-        let last = (row.len() - 1) as f32;
-        let log_ratio = |distance_px: f32| {
-            let step = (4.0 * (distance_px + EdgeProfile::REACH_PX)).clamp(0.0, last - 1e-3);
-            let j = step as usize;
-            weight * (row[j] + (step - j as f32) * (row[j + 1] - row[j]))
-        };
-        let mut from_px = at_rest_px(-REACH_PX);
-        log_ratios[0] += log_ratio(from_px);
-        for step in 0..STEPS {
-            let to_px = at_rest_px((step + 1) as f32 - REACH_PX);
-            for part in 1..=SHIFTS_A_PX {
-                let share = part as f32 / SHIFTS_A_PX as f32;
-                let distance_px = from_px + share * (to_px - from_px);
-                log_ratios[step * SHIFTS_A_PX + part] += log_ratio(distance_px);
-            }
-            from_px = to_px;
-        }
-    }
-
-    /// Adds a pixel's log-ratios for all shifts of the outline. Shifts are as far apart as the profile's distances.
-    #[inline(always)]
-    fn add(
-        &self,
-        (matches, side, membership): (bool, Side, f32),
-        distance_px: f32,
-        weight: f32,
-        log_ratios: &mut [f32; SHIFTS],
-    ) {
-        let row = self.row((matches, side, membership));
-        let last = (row.len() - 1) as f32;
-        for (i, log_ratio) in log_ratios.iter_mut().enumerate() {
-            let step = (4.0 * (distance_px + REACH_PX + EdgeProfile::REACH_PX) - i as f32)
-                .clamp(0.0, last - 1e-3);
-            let j = step as usize;
-            *log_ratio += weight * (row[j] + (step - j as f32) * (row[j + 1] - row[j]));
-        }
-    }
-}
-
-/// The log-ratio of a pixel by whether it is in the target's colours, in nats: at most 0, and 0 near the outline and on the side where it belongs.
-fn region_log_ratio(matches: bool, distance_px: f64, octave: Octave, tuning: &EdgeTuning) -> f64 {
-    let mixed_px = if octave > Octave::default() {
-        tuning.coarse_mixed_px
-    } else {
-        tuning.mixed_px
-    };
-    let beyond = |px: f64| (px - mixed_px).clamp(0.0, 1.0);
-    if matches {
-        -tuning.target_outside_nats * beyond(distance_px)
-    } else {
-        -tuning.other_inside_nats * beyond(-distance_px)
-    }
+/// The area in square pixels within a closed polygon.
+fn area_px(points: impl Iterator<Item = [f32; 2]> + Clone) -> f64 {
+    let points = points.map(|point| point.map(f64::from));
+    let next = points.clone().cycle().skip(1);
+    let twice: f64 = points
+        .zip(next)
+        .map(|([u0, v0], [u1, v1])| u0 * v1 - u1 * v0)
+        .sum();
+    0.5 * twice.abs()
 }
 
 /// The edge cue of one target.
@@ -252,15 +160,18 @@ pub(crate) struct EdgeCue {
     /// How far each moves in the image then, pixels per radian.
     of_yaw: Vec<[f32; 2]>,
     buffers: LineBuffers,
+    /// The colours around the outline that is being fitted, one per camera.
+    patches: Vec<Patch>,
     level: Level,
 }
 
 impl EdgeCue {
+    /// The edge cue of a target in the images of this many cameras.
     pub(crate) fn new(
         (settings, tuning): (EdgeSettings, EdgeTuning),
         (shape, turns): (Shape, bool),
         colors: &ColorModel,
-        level: Level,
+        (cameras, level): (usize, Level),
     ) -> Result<Self, Error> {
         settings.check()?;
         let profiles = if settings.learned_profile {
@@ -279,7 +190,7 @@ impl EdgeCue {
             });
             let log_ratios =
                 log_ratios.unwrap_or_else(|| EdgeProfile::soft_step(Octave(octave).scale().into()));
-            Table::new(&log_ratios, Octave(octave), &tuning)
+            Table::new(&log_ratios, Octave(octave), &tuning, level)
         };
         let tables = (0..=Octave::COARSEST.0).map(table).collect();
         let is_ball = matches!(shape, Shape::Sphere(_));
@@ -300,6 +211,7 @@ impl EdgeCue {
             turned: vec![[[0.0; LANES]; 2]; settings.correspondence_lines],
             of_yaw: vec![[0.0; 2]; settings.correspondence_lines],
             buffers: LineBuffers::new(),
+            patches: (0..cameras).map(|_| Patch::with_room()).collect(),
             level,
         })
     }
@@ -383,14 +295,25 @@ impl EdgeCue {
     /// Returns the area in square pixels within the outline of a position, of the shape at this scale, as far as it has pixels.
     pub(crate) fn area_px(&mut self, frame: &EdgeFrame, position_m: [f64; 3], scale: f64) -> f64 {
         let stance = Stance::scaled(scale);
-        let points = self.outline_px(frame.projector(), position_m, stance);
-        let points = points.map(|point| point.map(f64::from));
-        let next = points.clone().cycle().skip(1);
-        let twice: f64 = points
-            .zip(next)
-            .map(|([u0, v0], [u1, v1])| u0 * v1 - u1 * v0)
-            .sum();
-        0.5 * twice.abs()
+        area_px(self.outline_px(frame.projector(), position_m, stance))
+    }
+
+    /// Returns the middle of a detection's outline in a frame, in pixels, and the area within it; `None` if it has no pixel.
+    pub(crate) fn disc_px(
+        &mut self,
+        frame: &EdgeFrame,
+        detection: &Detection,
+    ) -> Option<([f64; 2], f64)> {
+        let stance = detection.stance();
+        let points = self.outline_px(frame.projector(), detection.position_m(), stance);
+        let [count, u, v] = points.clone().fold([0.0; 3], |[count, u, v], point| {
+            [
+                count + 1.0,
+                u + f64::from(point[0]),
+                v + f64::from(point[1]),
+            ]
+        });
+        (count > 0.0).then(|| ([u / count, v / count], area_px(points)))
     }
 
     /// Writes the log-likelihood ratio of one camera's frame at each position (world frame, metres): the largest over the detections, each with its
@@ -428,17 +351,19 @@ impl EdgeCue {
                         self.project(frame.projector(), &positions, stance);
                     }
                     let mut penalties = [0.0; LANES];
-                    let sums = if has_error {
+                    let mut offsets = None;
+                    if has_error {
                         let middles = offset::middles(&self.coordinates);
-                        let offsets;
-                        (offsets, penalties) = detection.offset(lines.camera).of_block(&middles);
-                        SectorSums::shifted(lines, &self.coordinates, &offsets)
-                    } else {
-                        SectorSums::of(lines, &self.coordinates)
-                    };
+                        let of_block = detection.offset(lines.camera).of_block(&middles);
+                        (offsets, penalties) = (Some(of_block.0), of_block.1);
+                    }
+                    let of_lines = lines.log_likelihood_ratios(
+                        self.level,
+                        &self.coordinates,
+                        offsets.as_ref(),
+                    );
                     for (lane, best) in best.iter_mut().enumerate().take(lanes) {
-                        let of_lines = lines.log_likelihood_ratio(&sums.lane(lane));
-                        let log_ratio = of_lines.min(most) + added - penalties[lane];
+                        let log_ratio = of_lines[lane].min(most) + added - penalties[lane];
                         if log_ratio > *best {
                             *best = log_ratio;
                         }

@@ -20,8 +20,8 @@ pub(crate) struct Offset {
     pub(super) px: Vector2<f64>,
     /// The standard deviation of its prior; 0 for a camera without error.
     sigma_px: f64,
-    /// The offset before the latest step, and before a finer octave was fitted.
-    before_px: Vector2<f64>,
+    /// The offset and what the lines said there before the latest step, and before a finer octave was fitted.
+    before: (Vector2<f64>, OffsetSlope),
     coarse: (Vector2<f64>, OffsetSlope),
     /// What the camera's lines say at the offset.
     lines: OffsetSlope,
@@ -104,7 +104,7 @@ impl Offset {
 
     /// Moves to the likeliest offset after a step of position and logarithm of the scale, by `most_px` at most.
     pub(super) fn step(&mut self, step: &Vector4<f64>, most_px: f64) {
-        self.before_px = self.px;
+        self.before = (self.px, self.lines);
         if self.sigma_px == 0.0 {
             return;
         }
@@ -116,7 +116,7 @@ impl Offset {
 
     /// Takes the latest step back.
     pub(super) fn restore(&mut self) {
-        self.px = self.before_px;
+        (self.px, self.lines) = self.before;
     }
 
     /// Keeps the offset until [`Offset::restore_coarse`].

@@ -7,6 +7,7 @@ use super::fit::{DEVIATIONS, deviations_px};
 use super::frame::SECTORS;
 use super::lines::{CorrespondenceLines, REACH_PX, SHIFTS, SHIFTS_A_PX, log_mean_exp};
 use crate::likelihood::outline::Coordinates;
+use pardalis_core::real::{exp_f32, ln_f32};
 
 /// Ratios of the sides of rectangles, each with its number of directions, and the angle in radians over which these are spread. Hand-set: directions 22.5 degrees
 /// apart; longer rectangles are no outline that fits a circle.
@@ -26,7 +27,7 @@ const LEAST_LIKELIHOOD: f32 = 1e-30;
 #[derive(Debug)]
 pub(super) struct Rectangles {
     /// How far each lies beyond a circle around the same middle at each point of the circle, in radii.
-    beyond: Vec<Vec<f32>>,
+    beyond: Vec<[f32; RECTANGLES]>,
 }
 
 impl Rectangles {
@@ -37,17 +38,16 @@ impl Rectangles {
             (0..directions).map(move |i| (ratio, angle * i as f64 / directions as f64))
         });
         let rectangles = rectangles.flat_map(|form| SIZES.map(|size| (form, size)));
-        let beyond = rectangles.map(|((ratio, direction), size)| {
+        let mut beyond = vec![[0.0; RECTANGLES]; points];
+        for (number, ((ratio, direction), size)) in rectangles.enumerate() {
             let short = size * libm::sqrt(std::f64::consts::FRAC_PI_4 / ratio);
-            let radius = |k: usize| {
+            for (k, beyond) in beyond.iter_mut().enumerate() {
                 let (sin, cos) = libm::sincos(turns(k) - direction);
-                (ratio * short / cos.abs()).min(short / sin.abs())
-            };
-            (0..points).map(|k| (radius(k) - 1.0) as f32).collect()
-        });
-        Self {
-            beyond: beyond.collect(),
+                let radius = (ratio * short / cos.abs()).min(short / sin.abs());
+                beyond[number] = (radius - 1.0) as f32;
+            }
         }
+        Self { beyond }
     }
 
     /// The log-likelihood ratio of a rectangle around the middle of an outline, in place of which the lines were placed, against an edge anywhere: the mean likelihood
@@ -68,27 +68,23 @@ impl Rectangles {
             sums = [sums[0] + 1.0, sums[1] + u, sums[2] + v];
         }
         let middle = [sums[1] / sums[0], sums[2] / sums[0]];
-        let log_ratio = |beyond: &[f32]| {
-            let mut sums = [0.0_f32; SECTORS];
-            let mut counts = [0.0_f32; SECTORS];
-            for (k, share) in beyond.iter().enumerate() {
-                let radius_px = -lines.shift_px(k, middle);
-                // Points without a pixel show no edge.
-                if radius_px.is_finite() {
-                    let sector = lines.sector(k);
-                    sums[sector] += interpolated(&tolerant[sector], share * radius_px);
-                    counts[sector] += 1.0;
+        let mut sums = [[0.0_f32; RECTANGLES]; SECTORS];
+        let mut counts = [0.0_f32; SECTORS];
+        for (k, beyond) in self.beyond.iter().enumerate() {
+            let radius_px = -lines.shift_px(k, middle);
+            // Points without a pixel show no edge.
+            if radius_px.is_finite() {
+                let sector = lines.sector(k);
+                for (sum, share) in sums[sector].iter_mut().zip(beyond) {
+                    *sum += interpolated(&tolerant[sector], share * radius_px);
                 }
+                counts[sector] += 1.0;
             }
-            for (sum, count) in sums.iter_mut().zip(counts) {
-                *sum /= count.max(1.0);
-            }
-            lines.log_likelihood_ratio(&sums)
-        };
-        let mut log_ratios = [0.0; RECTANGLES];
-        for (value, beyond) in log_ratios.iter_mut().zip(&self.beyond) {
-            *value = log_ratio(beyond);
         }
+        let log_ratios: [f32; RECTANGLES] = std::array::from_fn(|rectangle| {
+            let mean = |sector: usize| sums[sector][rectangle] / counts[sector].max(1.0);
+            lines.log_likelihood_ratio(&std::array::from_fn(mean))
+        });
         log_mean_exp(&log_ratios)
     }
 }
@@ -96,14 +92,14 @@ impl Rectangles {
 /// A sector's log-likelihoods for the shifts of lines, if it may deviate by up to a tolerance.
 fn tolerant(sums: &[f32; SHIFTS], tolerance_px: f32) -> [f32; SHIFTS] {
     let most = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    let likelihoods = sums.map(|sum| libm::expf(sum - most));
+    let likelihoods = sums.map(|sum| exp_f32(sum - most));
     std::array::from_fn(|i| {
         let shift_px = i as f32 / SHIFTS_A_PX as f32 - REACH_PX;
         let total: f32 = deviations_px(tolerance_px)
             .map(|deviation_px| interpolated(&likelihoods, shift_px + deviation_px))
             .iter()
             .sum();
-        most + libm::logf((total / DEVIATIONS as f32).max(LEAST_LIKELIHOOD))
+        most + ln_f32((total / DEVIATIONS as f32).max(LEAST_LIKELIHOOD))
     })
 }
 

@@ -87,7 +87,7 @@ pub(super) fn with_frames<T>(
         (EdgeSettings::default(), EdgeTuning::DEFAULT),
         (ball_of(scale), true),
         &colors,
-        Level::best(),
+        (pictures.len(), Level::best()),
     )
     .unwrap();
     let correction = IlluminationCorrection::NONE;

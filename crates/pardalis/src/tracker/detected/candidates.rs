@@ -10,6 +10,7 @@ use crate::shape::Shape;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tracker::ids::CameraId;
 use crate::tuning::{BackgroundTuning, BlobTuning, DetectionTuning};
+use pardalis_core::simd::Level;
 
 /// Bisections of the logarithm of the distance. Derivation: find it to 0.14 %.
 const BISECTIONS: usize = 12;
@@ -85,7 +86,7 @@ impl CandidateSearch {
     pub(super) fn new(
         shape: Shape,
         ground_z_m: Option<f64>,
-        cameras: usize,
+        (cameras, level): (usize, Level),
         (detection, blobs, background): (DetectionTuning, BlobTuning, BackgroundTuning),
     ) -> Self {
         Self {
@@ -94,9 +95,9 @@ impl CandidateSearch {
                 tuning: detection,
                 ground_z_m,
             },
-            blobs: BlobSearch::new(blobs),
+            blobs: BlobSearch::new(blobs, level),
             backgrounds: (0..cameras).map(|_| Background::new(background)).collect(),
-            moving: BlobSearch::new(blobs),
+            moving: BlobSearch::new(blobs, level),
             rays: Vec::new(),
             with_circles: false,
             leaves_found: false,

@@ -8,8 +8,10 @@ use crate::likelihood::edge::{
     Detection, Detections, EdgeCue, EdgeFrame, FitStart, NoFit, PositionPrior, SizePrior, YawPrior,
 };
 use crate::shape::Shape;
+use crate::tracker::CameraId;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tuning::{DetectionTuning, HeadingTuning, Tuning};
+use pardalis_core::simd::Level;
 use pardalis_filter::estimate::StateEstimate;
 
 /// Finds detections. Owns their buffers.
@@ -105,7 +107,7 @@ impl Detector {
         (shape, period_rad): (Shape, Option<f64>),
         ground_z_m: Option<f64>,
         (cameras, points): (usize, usize),
-        tuning: &Tuning,
+        (tuning, level): (&Tuning, Level),
     ) -> Self {
         let (unknown_sigma, blobs) = (tuning.size.unknown_sigma, tuning.blobs);
         let background = tuning.background;
@@ -124,7 +126,7 @@ impl Detector {
             candidates: CandidateSearch::new(
                 shape,
                 ground_z_m,
-                cameras,
+                (cameras, level),
                 (tuning, blobs, background),
             ),
             since_search: 0,
@@ -197,6 +199,10 @@ impl Detector {
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
             for number in first..candidates.len() {
+                if self.is_known((edge, frames), &candidates[number]) {
+                    candidates[number].verdict = Verdict::SamePlace;
+                    continue;
+                }
                 let priors = Priors::of_size(predicted.size);
                 self.fit((edge, frames), priors, candidates, (number, [0.0; 3]));
             }
@@ -227,6 +233,41 @@ impl Detector {
             // A prediction was not examined.
             candidates.clear();
         }
+    }
+
+    /// Whether a candidate lies where a sure detection of several cameras does and is as large: its fit would find that again.
+    fn is_known(
+        &self,
+        (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
+        candidate: &Candidate,
+    ) -> bool {
+        // Of a single camera, a fit without the prior of the prediction may find another distance.
+        let (Some(position_m), true) = (candidate.position_m, frames.len() > 1) else {
+            return false;
+        };
+        let (reach, most) = (self.tuning.distinct_diameters, self.tuning.same_size_factor);
+        let is_same = |known: &Detection| {
+            let Some(blob) = candidate.origin.blob() else {
+                let off_m = Vector3::from(position_m) - Vector3::from(known.position_m());
+                let resized = (candidate.log_scale - known.log_scale()).abs();
+                return off_m.norm() < reach * known.scale() * self.shape.diameter_m()
+                    && resized < libm::log(most);
+            };
+            let camera = candidate.origin.camera().map(CameraId::index);
+            let mut frames = frames.iter();
+            let frame = frames.find(|frame| Some(frame.camera()) == camera);
+            let disc = frame.and_then(|frame| edge.disc_px(frame, known));
+            disc.is_some_and(|(middle_px, area_px)| {
+                let [u, v] = [0, 1].map(|i| blob.centroid_px[i] - middle_px[i]);
+                let diameter_px = 2.0 * (area_px / std::f64::consts::PI).sqrt();
+                let ratio = (blob.area_px / area_px).max(area_px / blob.area_px);
+                libm::hypot(u, v) < reach * diameter_px && ratio < most * most
+            })
+        };
+        let sure = self.tuning.sure_log_ratio;
+        let detections = self.detections().iter();
+        let mut sure = detections.filter(|known| known.coarse_log_ratio() > sure);
+        sure.any(is_same)
     }
 
     /// Fits the candidate of this number, unless it is ruled out already, with a prior of its position if there is one and of its size, as an outline with this

@@ -1,0 +1,68 @@
+//! Searches while the target is tracked.
+
+use pardalis::camera::Pose;
+use pardalis::tracker::{Origin, Verdict};
+use pardalis::{CameraId, FrameSet, TargetId, Tracker};
+use pardalis_core::simd::Level;
+
+use crate::common::drawn::{CENTER_PX, RADIUS_M, Thing, settings_of, shown, view};
+
+const FPS: f64 = 25.0;
+/// How far the second camera stands beside the first, metres.
+const BESIDE_M: f64 = 0.2;
+
+/// A thing as the second camera sees it.
+fn seen_from_beside(thing: Thing) -> Thing {
+    let [u, v] = thing.middle_px;
+    // Things twice as small are twice as far away.
+    Thing {
+        middle_px: [u - BESIDE_M / RADIUS_M * thing.radius_px, v],
+        ..thing
+    }
+}
+
+#[test]
+fn only_what_is_not_the_target_already_is_fitted_in_searches_by_several_cameras() {
+    let ball = Thing {
+        exponent: 2.0,
+        radius_px: 26.0,
+        middle_px: [CENTER_PX[0] + 20.0, CENTER_PX[1]],
+    };
+    let smaller = Thing {
+        radius_px: 13.0,
+        middle_px: [ball.middle_px[0] + 90.0, CENTER_PX[1] + 40.0],
+        ..ball
+    };
+    let views = [0.0, BESIDE_M].map(|x_m| view(Pose::translation(x_m, 0.0, 0.0)));
+    let settings = vec![settings_of(ball)];
+    let mut tracker = Tracker::new(views.to_vec(), settings, 1, Level::best()).unwrap();
+    let [mut of_ball, mut of_smaller] = [0; 2];
+    for number in 0..30 {
+        let time_s = f64::from(number) / FPS;
+        let things = [ball, smaller];
+        let frames =
+            [things, things.map(seen_from_beside)].map(|things| shown(&things, &[], time_s));
+        let frames = frames.into_iter().enumerate();
+        let frames = frames.map(|(camera, frame)| (CameraId::new(camera), frame));
+        tracker.observe(&FrameSet::new(frames).unwrap()).unwrap();
+        if number < 5 {
+            // It is only just found.
+            continue;
+        }
+        for candidate in tracker.candidates(TargetId::new(0)).unwrap().flatten() {
+            let Origin::Blob(_, blob) = candidate.origin else {
+                continue;
+            };
+            if blob.area_px > 1000.0 {
+                assert_eq!(candidate.verdict, Verdict::SamePlace, "{number}");
+                assert_eq!(candidate.outline_nats, None, "{number}");
+                of_ball += 1;
+            } else {
+                // It may be a ball farther away: its blob in the other camera then belongs to it.
+                of_smaller += i32::from(candidate.outline_nats.is_some());
+            }
+        }
+    }
+    // Whole images are searched at least once in ten frames.
+    assert!(of_ball >= 4 && of_smaller >= 2, "{of_ball} {of_smaller}");
+}
