@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry2, Point2, Rotation3, UnitQuaternion, Vector2, Vector3};
 use serde_json::Value;
 
 use crate::common::{BALL_COLORS, Run, rows_in};
@@ -189,14 +189,14 @@ fn frames_without_a_pose_are_counted() {
     let place = Place::new();
     let mut text = "time_s,x_m,y_m,heading_rad\n".to_owned();
     for [time_s, x_m, y_m, heading_rad] in robot_poses() {
-        if time_s < 0.5 {
+        if time_s < 0.4 {
             let _ = writeln!(text, "{time_s},{x_m},{y_m},{heading_rad}");
         }
     }
     place.write("short.csv", &text);
     let run = place.track("poses = \"short.csv\"");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let warning = "warning: platforms.robot: short.csv has no pose near the times of 11 frames, which were not used; targets were predicted meanwhile";
+    let warning = "warning: platforms.robot: short.csv has no pose near the times of 14 frames, which were not used; targets were predicted meanwhile";
     assert!(run.stderr.contains(warning), "{}", run.stderr);
     assert_eq!(place.rows()[29][3], "lost");
 }
@@ -373,6 +373,16 @@ color_srgb = [235, 110, 30]
 path.still = { position_m = [1.7, 0.6, 0.11] }
 ";
 
+/// Returns these columns of a CSV file.
+fn planar_rows<const N: usize>(path: &Path, columns: [&str; N]) -> Vec<[f64; N]> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').collect());
+    let header: Vec<&str> = lines.next().unwrap();
+    let places = columns.map(|name| header.iter().position(|found| *found == name).unwrap());
+    let row = |line: Vec<&str>| places.map(|at| line[at].parse().unwrap());
+    lines.map(row).collect()
+}
+
 #[test]
 fn simulated_robots_write_their_odometry_and_their_poses() {
     let place = Place::new();
@@ -408,13 +418,28 @@ fn simulated_robots_write_their_odometry_and_their_poses() {
         let place_m = [4, 5, 6].map(|i| last[i].parse::<f64>().unwrap());
         errors_m.push(Vector3::from(place_m) - Vector3::new(1.7, 0.6, 0.11));
     }
-    // The odometry says that the robot has driven 3 % farther, and so that the ball is farther away.
+    // The odometry says that the robot has driven and turned 3 % farther, and so that the ball is elsewhere.
     let [exact_m, found_m] = errors_m[..] else {
         panic!("two runs");
     };
     assert!(exact_m.norm() < 0.05, "{exact_m}");
-    let farther_m = found_m.x - exact_m.x;
-    assert!((farther_m - 0.03 * 0.75).abs() < 0.012, "{farther_m}");
+    let poses = planar_rows(&folder.join("robot.poses.csv"), ["x_m", "y_m", "qz", "qw"]);
+    let pose =
+        |[x_m, y_m, qz, qw]: [f64; 4]| Isometry2::new(Vector2::new(x_m, y_m), 2.0 * qz.atan2(qw));
+    let increments = planar_rows(
+        &folder.join("robot.odometry.csv"),
+        ["dx_m", "dy_m", "dtheta_rad"],
+    );
+    let mut drifted = pose(poses[0]);
+    for [x_m, y_m, turn_rad] in increments {
+        drifted *= Isometry2::new(Vector2::new(x_m, y_m), turn_rad);
+    }
+    let ball_m = Point2::new(1.7, 0.6);
+    let moved_m = drifted * pose(poses[poses.len() - 1]).inverse_transform_point(&ball_m) - ball_m;
+    assert!(moved_m.norm() > 0.03, "{moved_m}");
+    // The filter averages over the last frames, during which the odometry drifted.
+    let off_m = (found_m - exact_m).xy() - moved_m;
+    assert!(off_m.norm() < 0.004, "{off_m}");
     // Simulating again replaces the folder with these files.
     for name in ["found.toml", "exact.toml"] {
         fs::remove_file(folder.join(name)).unwrap();
