@@ -3,7 +3,7 @@
 //! A kernel is an `#[inline(always)]` function of plain loops. [`Level::run`] inlines it into a
 //! function that enables the wider registers, so that the compiler vectorises the same code once
 //! per instruction set. No operation is fused or reordered: all levels produce identical bits.
-#![allow(unsafe_code)] // Calls a function that requires a CPU feature, after checking for it.
+#![allow(unsafe_code)] // Calls a function that requires a CPU feature after checking for it, and casts numbers after limiting them.
 
 /// An instruction set that the running CPU supports; by default the baseline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -62,8 +62,44 @@ impl Level {
     }
 }
 
+/// Casts a number to a byte as `as u8` does: the fraction is dropped, numbers out of range become the nearest byte, and NaN becomes 0. Loops of these are
+/// vectorised, unlike those of casts by the language.
+#[inline(always)]
+pub fn to_byte(value: f32) -> u8 {
+    // Of two operands of which one is NaN, these return the other.
+    #[expect(clippy::manual_clamp, reason = "a clamped NaN is NaN")]
+    let value = value.max(0.0).min(255.0);
+    // SAFETY: The value is from 0 to 255.
+    let whole: i32 = unsafe { value.to_int_unchecked() };
+    whole as u8
+}
+
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn with_avx2<R>(kernel: impl FnOnce() -> R) -> R {
     kernel()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_cast_to_bytes_as_by_the_language() {
+        let mut values: Vec<f32> = (-40..1200).map(|i| 0.25 * i as f32).collect();
+        values.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -0.0]);
+        values.extend([
+            255.0_f32.next_down(),
+            255.0_f32.next_up(),
+            1.0_f32.next_down(),
+        ]);
+        let expected: Vec<u8> = values.iter().map(|&value| value as u8).collect();
+        for level in Level::available() {
+            let bytes: Vec<u8> = level.run(
+                #[inline(always)]
+                || values.iter().map(|&value| to_byte(value)).collect(),
+            );
+            assert_eq!(bytes, expected, "{}", level.name());
+        }
+    }
 }

@@ -1,10 +1,12 @@
 //! What a camera at rest shows without what moves: the running mean of its images, and what differs from it.
 
+use crate::Frame;
 use crate::color::{CHANNEL_WEIGHTS, PixelKind};
-use crate::frame::with_pixels;
+use crate::frame::Row;
 use crate::tuning::BackgroundTuning;
 use crate::view::PreparedFrame;
 use pardalis_camera::Mask;
+use pardalis_core::simd::Level;
 
 /// The greatest number of blocks in a row. Hand-set: streaks are much longer, and the mean of a block has less noise.
 const COLUMNS: usize = 320;
@@ -18,6 +20,7 @@ const SAMPLING_STEP: usize = 31;
 #[derive(Debug, Default)]
 pub(crate) struct Background {
     tuning: BackgroundTuning,
+    level: Level,
     block_px: usize,
     /// Columns and rows of blocks.
     size: (usize, usize),
@@ -30,6 +33,9 @@ pub(crate) struct Background {
     /// The number of images.
     count: usize,
     samples: Vec<f32>,
+    /// A row of the image, and the sums of a row of blocks in each of its columns.
+    row: Row,
+    columns: [Vec<u16>; 3],
     /// From this difference on a block has changed; `None` if most of the image has.
     threshold: Option<f32>,
 }
@@ -54,9 +60,10 @@ impl Change {
 }
 
 impl Background {
-    pub(crate) fn new(tuning: BackgroundTuning) -> Self {
+    pub(crate) fn new(tuning: BackgroundTuning, level: Level) -> Self {
         Self {
             tuning,
+            level,
             ..Self::default()
         }
     }
@@ -114,20 +121,57 @@ impl Background {
         let scale = 1.0 / (side * side) as f32;
         self.latest.clear();
         self.latest.reserve(columns * rows);
-        with_pixels!(frame, components => for row in 0..rows {
-            for column in 0..columns {
-                let (mut sums, mut is_open) = ([0_u32; 3], true);
-                for y in row * side..(row + 1) * side {
-                    for x in column * side..(column + 1) * side {
-                        let bytes = components(x, y);
-                        (0..3).for_each(|i| sums[i] += u32::from(bytes[i]));
-                        is_open &= open.is_none_or(|open| open[y * width + x]);
+        for row in 0..rows {
+            let ys = row * side..(row + 1) * side;
+            self.add_rows(frame, ys.clone());
+            let first = self.latest.len();
+            self.latest.resize(first + columns, [0.0; 3]);
+            let means = &mut self.latest[first..];
+            for (channel, sums) in self.columns.iter().enumerate() {
+                for (mean, sums) in means.iter_mut().zip(sums.chunks_exact(side)) {
+                    let sum = sums.iter().fold(0_u32, |sum, more| sum + u32::from(*more));
+                    mean[channel] = scale * sum as f32;
+                }
+            }
+            let Some(open) = open else {
+                continue;
+            };
+            for (column, mean) in means.iter_mut().enumerate() {
+                let xs = column * side..(column + 1) * side;
+                let mut pixels = ys.clone().flat_map(|y| &open[y * width..][xs.clone()]);
+                if !pixels.all(|is_open| *is_open) {
+                    *mean = [f32::NAN; 3];
+                }
+            }
+        }
+    }
+
+    /// Adds up these rows of pixels.
+    fn add_rows(&mut self, frame: &Frame, rows: std::ops::Range<usize>) {
+        let Self {
+            row,
+            columns,
+            level,
+            ..
+        } = self;
+        for sums in columns.iter_mut() {
+            sums.clear();
+            sums.resize(frame.width(), 0);
+        }
+        level.run(
+            #[inline(always)]
+            || {
+                for y in rows {
+                    row.read(frame, y);
+                    for (sums, bytes) in columns.iter_mut().zip(row.components()) {
+                        for (sum, byte) in sums.iter_mut().zip(bytes) {
+                            // There are some 50 rows at most: no overflow.
+                            *sum += u16::from(*byte);
+                        }
                     }
                 }
-                let mean = sums.map(|sum| scale * sum as f32);
-                self.latest.push(if is_open { mean } else { [f32::NAN; 3] });
-            }
-        });
+            },
+        );
     }
 
     /// By how much a block differs from the images before, in grey levels; NaN if it is masked.
@@ -241,7 +285,7 @@ mod tests {
     #[test]
     fn blocks_of_a_streak_have_changed_and_are_mixtures_with_its_color() {
         let view = view(None);
-        let mut background = Background::new(BackgroundTuning::default());
+        let mut background = Background::new(BackgroundTuning::default(), Level::best());
         for seed in 0..6 {
             background.compare(&view.prepared(&picture(seed, |_, _| GREY)));
             assert_eq!(changed(&background), []);
@@ -266,7 +310,7 @@ mod tests {
     #[test]
     fn what_has_moved_on_leaves_no_mixture_with_its_color() {
         let view = view(None);
-        let mut background = Background::new(BackgroundTuning::default());
+        let mut background = Background::new(BackgroundTuning::default(), Level::best());
         for seed in 0..6 {
             background.compare(&view.prepared(&streak(seed, 60)));
         }
@@ -284,7 +328,7 @@ mod tests {
     #[test]
     fn nothing_moves_where_most_of_the_image_changes_or_is_masked() {
         let open = view(None);
-        let mut background = Background::new(BackgroundTuning::default());
+        let mut background = Background::new(BackgroundTuning::default(), Level::best());
         for seed in 0..6 {
             background.compare(&open.prepared(&picture(seed, |_, _| GREY)));
         }
@@ -294,7 +338,7 @@ mod tests {
         let of_pixel = |i: usize| if i % SIZE.0 < 290 { 255 } else { 0 };
         let grey: Vec<u8> = (0..SIZE.0 * SIZE.1).map(of_pixel).collect();
         let masked = view(Some(Mask::from_grey(SIZE.0, SIZE.1, &grey).unwrap()));
-        let mut background = Background::new(BackgroundTuning::default());
+        let mut background = Background::new(BackgroundTuning::default(), Level::best());
         for seed in 0..6 {
             background.compare(&masked.prepared(&picture(seed, |_, _| GREY)));
         }
@@ -308,7 +352,7 @@ mod tests {
         let view = view(None);
         let frames = [90, 120]
             .map(|blue| picture(3, |x, y| [(x % 200) as u8 + 20, (y * 2) as u8 + 10, blue]));
-        let mut background = Background::new(BackgroundTuning::default());
+        let mut background = Background::new(BackgroundTuning::default(), Level::best());
         for frame in &frames {
             background.compare(&view.prepared(frame));
         }

@@ -5,7 +5,7 @@ mod inscribed;
 use crate::Frame;
 use crate::background::{Background, Change};
 use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette, PixelKind};
-use crate::frame::with_pixels;
+use crate::frame::{Row, with_pixels};
 use crate::tuning::BlobTuning;
 use crate::view::PreparedFrame;
 use pardalis_camera::Mask;
@@ -185,6 +185,8 @@ pub(crate) struct BlobSearch {
     matching: Vec<bool>,
     /// What became of each pixel after the majority filter.
     filtered: Vec<u8>,
+    /// A row of the image.
+    row: Row,
     /// Sums of three rows in each column.
     columns: Vec<u8>,
     /// Pixels of a blob whose neighbours are still to be visited.
@@ -240,34 +242,42 @@ impl BlobSearch {
         let posterior_of = |bytes: [u8; 3]| posterior[usize::from(table.bin(bytes))];
         self.matching.clear();
         self.matching.resize(width * height, false);
-        let matches = |bytes: [u8; 3]| {
-            // The small table first: it rules out most pixels.
-            in_ranges.is_none_or(|table| table.matches(bytes) == 1)
-                && posterior_of(bytes) >= min_posterior
-        };
-        let rows = self.matching.chunks_exact_mut(width).enumerate();
-        with_pixels!(frame, components => self.level.run(
+        let Self { matching, row, .. } = self;
+        let rows = matching.chunks_exact_mut(width).enumerate();
+        self.level.run(
             #[inline(always)]
-            || for (y, row) in rows {
-                for (number, chunk) in row.chunks_mut(CHUNK).enumerate() {
-                    let first = number * CHUNK;
-                    let mut bytes = [[0_u8; CHUNK]; 3];
-                    for i in 0..chunk.len() {
-                        let pixel = components(first + i, y);
-                        for (of_channel, value) in bytes.iter_mut().zip(pixel) {
-                            of_channel[i] = value;
+            || {
+                for (y, matching) in rows {
+                    row.read(frame, y);
+                    correction.row(row);
+                    let pixels = row
+                        .components()
+                        .map(|of_component| of_component.chunks(CHUNK));
+                    let [first, second, third] = pixels;
+                    let chunks = matching.chunks_mut(CHUNK).zip(first).zip(second).zip(third);
+                    for (number, (((matching, first), second), third)) in chunks.enumerate() {
+                        let pixels = first.iter().zip(second).zip(third);
+                        let pixels = pixels.map(|((a, b), c)| [*a, *b, *c]);
+                        // The small table rules out most pixels.
+                        if let Some(table) = in_ranges
+                            && pixels
+                                .clone()
+                                .fold(0, |any, bytes| any | table.matches(bytes))
+                                == 0
+                        {
+                            continue;
                         }
-                    }
-                    let bytes = correction.block(bytes);
-                    for (i, matching) in chunk.iter_mut().enumerate() {
-                        let x = first + i;
-                        *matching = matches([bytes[0][i], bytes[1][i], bytes[2][i]])
-                            && is_open(y * width + x)
-                            && !is_taken([x as f32, y as f32]);
+                        for (i, (matching, bytes)) in matching.iter_mut().zip(pixels).enumerate() {
+                            let x = CHUNK * number + i;
+                            *matching = in_ranges.is_none_or(|table| table.matches(bytes) == 1)
+                                && posterior_of(bytes) >= min_posterior
+                                && is_open(y * width + x)
+                                && !is_taken([x as f32, y as f32]);
+                        }
                     }
                 }
             },
-        ));
+        );
         self.connect((width, height), is_open, |i| {
             posterior_of(correction.bytes(frame.components(i % width, i / width)))
         });
@@ -319,7 +329,9 @@ impl BlobSearch {
         *image_width = width;
         majority(matching, width, columns, filtered);
         for (i, pixel) in filtered.iter_mut().enumerate() {
-            *pixel &= u8::from(is_open(i));
+            if *pixel == PIXEL_SET && !is_open(i) {
+                *pixel = PIXEL_UNSET;
+            }
         }
         blobs.clear();
         blobs.reserve(max_blobs);
@@ -329,11 +341,7 @@ impl BlobSearch {
         // Each pixel is pushed once at most.
         stack.reserve(filtered.len());
         let mut next = 0;
-        while let Some(ahead) = filtered[next..]
-            .iter()
-            .position(|&pixel| pixel == PIXEL_SET)
-        {
-            let seed = next + ahead;
+        while let Some(seed) = next_set(filtered, width, next) {
             next = seed + 1;
             take(&mut filtered[seed]);
             stack.push(seed);
@@ -375,6 +383,21 @@ impl BlobSearch {
             }
         }
     }
+}
+
+/// Returns the first pixel from `next` on that is set and not yet part of anything.
+fn next_set(filtered: &[u8], width: usize, next: usize) -> Option<usize> {
+    let mut from = next;
+    while from < filtered.len() {
+        // Most rows hold none, which is found out many pixels at a time.
+        let row = &filtered[from..filtered.len().min((from / width + 1) * width)];
+        if row.contains(&PIXEL_SET) {
+            let ahead = row.iter().position(|&pixel| pixel == PIXEL_SET);
+            return ahead.map(|ahead| from + ahead);
+        }
+        from += row.len();
+    }
+    None
 }
 
 /// Makes a pixel that is set part of something; returns whether it was set.

@@ -90,6 +90,62 @@ macro_rules! with_pixels {
 }
 pub(crate) use with_pixels;
 
+/// The first, second and third components of pixels of a row, apart: loops over them are vectorised. Its memory is kept.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Row([Vec<u8>; 3]);
+
+impl Row {
+    /// The components, equally many of each.
+    #[inline(always)]
+    pub(crate) fn components(&self) -> [&[u8]; 3] {
+        self.0.each_ref().map(Vec::as_slice)
+    }
+
+    #[inline(always)]
+    pub(crate) fn components_mut(&mut self) -> [&mut [u8]; 3] {
+        self.0.each_mut().map(Vec::as_mut_slice)
+    }
+
+    /// Reads row `y` of a frame.
+    #[inline(always)]
+    pub(crate) fn read(&mut self, frame: &Frame, y: usize) {
+        let (width, height, bytes) = (frame.width, frame.height, frame.bytes());
+        // Nothing happens if they have this length.
+        self.0
+            .iter_mut()
+            .for_each(|of_component| of_component.resize(width, 0));
+        let [first, second, third] = self.components_mut();
+        let chroma_width = width.div_ceil(2);
+        let twice = |from: &[u8], to: &mut [u8]| {
+            for (to, from) in to.chunks_mut(2).zip(from) {
+                to.fill(*from);
+            }
+        };
+        match frame.format {
+            PixelFormat::Rgb8 => {
+                let pixels = bytes[3 * width * y..].chunks_exact(3);
+                for (((first, second), third), pixel) in
+                    first.iter_mut().zip(second).zip(third).zip(pixels)
+                {
+                    [*first, *second, *third] = [pixel[0], pixel[1], pixel[2]];
+                }
+            }
+            PixelFormat::I420 => {
+                first.copy_from_slice(&bytes[width * y..][..width]);
+                let chroma = width * height + chroma_width * (y / 2);
+                twice(&bytes[chroma..][..chroma_width], second);
+                let chroma = chroma + chroma_width * height.div_ceil(2);
+                twice(&bytes[chroma..][..chroma_width], third);
+            }
+            PixelFormat::Yuyv | PixelFormat::Uyvy | PixelFormat::Nv12 => {
+                with_pixels!(frame, components => for x in 0..width {
+                    [first[x], second[x], third[x]] = components(x, y);
+                });
+            }
+        }
+    }
+}
+
 /// The largest absolute time stamp in seconds, some 30 000 years, so that the square of a time is exact
 /// enough.
 pub const MAX_TIME_S: f64 = 1e12;
@@ -271,20 +327,26 @@ mod tests {
             PixelFormat::Uyvy,
             &[1, 10, 3, 20, 2, 30, 4, 0, 1, 40, 3, 50, 2, 60, 4, 0],
         );
+        let mut row = Row::default();
         for frame in [&i420, &nv12, &yuyv, &uyvy] {
             for (i, luma) in y.into_iter().enumerate() {
-                let (column, row) = (i % 3, i / 3);
+                let (column, y) = (i % 3, i / 3);
                 let expected = [luma, [1, 1, 2][column], [3, 3, 4][column]];
                 assert_eq!(
-                    frame.components(column, row),
+                    frame.components(column, y),
                     expected,
                     "{:?}",
                     frame.format()
                 );
+                row.read(frame, y);
+                let in_row = row.components().map(|of_component| of_component[column]);
+                assert_eq!(in_row, expected, "{:?}", frame.format());
             }
         }
         let rgb = frame(PixelFormat::Rgb8, &(0..18).collect::<Vec<u8>>());
         assert_eq!(rgb.components(2, 1), [15, 16, 17]);
+        row.read(&rgb, 1);
+        assert_eq!(row.components(), [[9, 12, 15], [10, 13, 16], [11, 14, 17]]);
         assert_eq!(rgb.to_rgb8().len(), 18);
         assert_eq!(
             i420.to_rgb8()[..3],

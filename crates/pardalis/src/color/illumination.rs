@@ -3,6 +3,8 @@
 
 use super::palette::PixelKind;
 use crate::color_space::YuvEncoding;
+use crate::frame::Row;
+use pardalis_core::simd::to_byte;
 
 /// ln of the gains of red, green and blue per unit of warmth. Derivation: black bodies, roughly (Wien's law).
 const WARMER: [f64; 3] = [0.5, 0.0, -1.0];
@@ -109,13 +111,32 @@ impl IlluminationCorrection {
     pub fn bytes(&self, bytes: [u8; 3]) -> [u8; 3] {
         match self.rows {
             None => bytes,
-            // Casts of floats saturate.
-            Some(_) => self.color(bytes.map(f32::from)).map(|v| (v + 0.5) as u8),
+            Some(_) => self.color(bytes.map(f32::from)).map(|v| to_byte(v + 0.5)),
         }
     }
 }
 
 impl IlluminationCorrection {
+    /// Corrects the pixels of a row.
+    #[inline(always)]
+    pub(crate) fn row(&self, row: &mut Row) {
+        // A copy, which the row's bytes do not alias: otherwise the loop is not vectorised.
+        let Some(rows) = self.rows else {
+            return;
+        };
+        let [first, second, third] = row.components_mut();
+        let count = first.len();
+        let (second, third) = (&mut second[..count], &mut third[..count]);
+        for i in 0..count {
+            let [a, b, c] = [first[i], second[i], third[i]].map(f32::from);
+            let corrected =
+                |row: [f32; 4]| to_byte(row[0] * a + row[1] * b + row[2] * c + row[3] + 0.5);
+            first[i] = corrected(rows[0]);
+            second[i] = corrected(rows[1]);
+            third[i] = corrected(rows[2]);
+        }
+    }
+
     /// Corrects a block of pixels: their first, second and third raw bytes.
     #[inline(always)]
     pub(crate) fn block<const N: usize>(&self, bytes: [[u8; N]; 3]) -> [[u8; N]; 3] {
@@ -136,6 +157,7 @@ impl IlluminationCorrection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Frame;
     use crate::color::{YuvMatrix, YuvRange};
 
     const ORANGE: [f64; 3] = [185.0, 90.0, 37.0];
@@ -188,7 +210,18 @@ mod tests {
             PixelKind::Yuv(YuvEncoding::default()),
             PixelKind::Yuv(video),
         ];
+        let bytes: Vec<u8> = (0..600).map(|i| (i * 89 % 256) as u8).collect();
+        let pixels = Frame::from_rgb(200, 1, bytes, 0.0).unwrap();
         for kind in kinds {
+            // Rows are corrected as single pixels are.
+            let mut row = Row::default();
+            row.read(&pixels, 0);
+            light.correction(kind).row(&mut row);
+            for x in 0..200 {
+                let in_row = row.components().map(|of_component| of_component[x]);
+                let single = light.correction(kind).bytes(pixels.components(x, 0));
+                assert_eq!(in_row, single, "{kind:?}, pixel {x}");
+            }
             let raw = |rgb| match kind {
                 PixelKind::Rgb => rgb,
                 PixelKind::Yuv(encoding) => encoding.yuv_from_rgb(rgb),

@@ -13,6 +13,8 @@ pub struct Candidate {
     pub position_m: Option<[f64; 3]>,
     /// The logarithm of its scale there relative to the target's shape.
     pub(super) log_scale: f64,
+    /// Where the rays of two blobs meet, the numbers of their candidates.
+    pub(super) blobs: Option<[usize; 2]>,
     /// How far its outline as a whole is the target's, in nats: the judged log-likelihood ratio, summed over the cameras that see it.
     pub outline_nats: Option<f64>,
     /// The log-likelihood ratio of its mean colour, in nats, of the camera in which it is least.
@@ -82,7 +84,8 @@ pub enum Verdict {
     NoColors,
     /// It was not examined, because larger blobs or likelier candidates were.
     Surplus,
-    /// The fit led to the position of another candidate, or there was none because the target had surely been detected there.
+    /// The fit led to the position of another candidate, or there was none because the target had surely been detected there, or in one of the blobs whose rays meet
+    /// there.
     SamePlace,
     /// Its pixel, or most of its outline, lies outside the image, the mask or the domain of the camera model.
     OutOfView,
@@ -172,6 +175,7 @@ impl Candidate {
             origin,
             position_m: None,
             log_scale: 0.0,
+            blobs: None,
             outline_nats: None,
             color_nats: None,
             visible_share: None,

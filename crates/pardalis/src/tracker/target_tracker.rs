@@ -162,6 +162,13 @@ impl TargetTracker {
         }
     }
 
+    /// Sets its turn among all bodies to search whole images. Only detected bodies do.
+    pub(super) fn set_turn(&mut self, turn: usize) {
+        if let Self::Detected(target) = self {
+            target.set_turn(turn);
+        }
+    }
+
     /// Makes it the place of a member of a crowd. Only detected bodies can be.
     pub(super) fn join_crowd(&mut self) {
         if let Self::Detected(target) = self {

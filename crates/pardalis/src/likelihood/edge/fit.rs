@@ -56,6 +56,8 @@ pub(crate) struct FitStart<'a> {
     pub(crate) yaw: Option<YawPrior>,
     /// Whether motion is planar, which keeps the height.
     pub(crate) is_planar: bool,
+    /// An outline whose log-likelihood ratio is no greater than this is of no use: it is not fitted in finer octaves.
+    pub(crate) min_log_ratio: f64,
 }
 
 /// The same for a place: a position followed by the form, the logarithm of the scale of a ball or the yaw of a body that turns.
@@ -154,8 +156,8 @@ impl EdgeCue {
         self.fit_octave(frames, &prior, 0, detection)?;
         detection.coarse_log_ratio = detection.log_likelihood_ratio;
         self.judge(frames, detection);
-        if detection.is_streak() {
-            // The edges of a streak are no sharper in finer octaves.
+        // The edges of a streak are no sharper in finer octaves.
+        if detection.is_streak() || detection.coarse_log_ratio <= start.min_log_ratio {
             return Ok(());
         }
         let octaves = detection.lines().iter().map(|lines| lines.octave.0);

@@ -144,6 +144,7 @@ pub(super) fn start_at(position_m: [f64; 3], tolerance: f64) -> FitStart<'static
         },
         yaw: None,
         is_planar: false,
+        min_log_ratio: f64::NEG_INFINITY,
     }
 }
 

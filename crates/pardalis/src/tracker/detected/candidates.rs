@@ -29,6 +29,8 @@ const MIN_CIRCLE_SHARE: f64 = 0.3;
 #[derive(Debug)]
 struct Ray {
     camera: usize,
+    /// The number of its blob's candidate.
+    candidate: usize,
     origin: Point3<f64>,
     direction: Vector3<f64>,
     /// The area of its blob, square pixels.
@@ -41,6 +43,7 @@ impl Ray {
         let (origin, direction) = frame.ray(pixel)?;
         Some(Self {
             camera: frame.camera(),
+            candidate: 0,
             origin,
             direction,
             area_px,
@@ -96,7 +99,9 @@ impl CandidateSearch {
                 ground_z_m,
             },
             blobs: BlobSearch::new(blobs, level),
-            backgrounds: (0..cameras).map(|_| Background::new(background)).collect(),
+            backgrounds: (0..cameras)
+                .map(|_| Background::new(background, level))
+                .collect(),
             moving: BlobSearch::new(blobs, level),
             rays: Vec::new(),
             with_circles: false,
@@ -209,7 +214,7 @@ impl CandidateSearch {
             );
             for &blob in blobs {
                 let origin = Origin::Blob(camera, blob);
-                let Some(ray) = Ray::of(frame, blob.centroid_px, blob.area_px) else {
+                let Some(mut ray) = Ray::of(frame, blob.centroid_px, blob.area_px) else {
                     candidates.push(Candidate::new(origin, Verdict::OutOfView));
                     continue;
                 };
@@ -222,6 +227,7 @@ impl CandidateSearch {
                         .by_size_m(edge, frame, &ray, size)
                         .map(|position_m| (position_m, size.log_scale)),
                 };
+                ray.candidate = candidates.len();
                 candidates.push(match place {
                     Ok((position_m, log_scale)) => at(origin, position_m, log_scale),
                     Err(verdict) => Candidate::new(origin, verdict),
@@ -259,7 +265,9 @@ impl CandidateSearch {
                         && let (Some(one), Some(two)) = (of(ray), of(other))
                     {
                         let both = [(one, ray), (two, other)];
-                        candidates.extend(geometry.meeting(edge, both, size));
+                        let blobs = Some([ray.candidate, other.candidate]);
+                        let meeting = geometry.meeting(edge, both, size);
+                        candidates.extend(meeting.map(|found| Candidate { blobs, ..found }));
                     }
                 }
             }

@@ -24,8 +24,12 @@ pub(super) struct Detector {
     /// From this standard deviation of the logarithm of its scale on, a target that one camera alone sees has no position.
     unknown_sigma: f64,
     pub(super) candidates: CandidateSearch,
-    /// Frame sets since whole images were searched.
+    /// Frame sets since whole images were searched in turn.
     since_search: u32,
+    /// After a search that was not in turn, the next one is this many frame sets sooner: of several targets, each then searches in frames of its own.
+    turn: u32,
+    /// Whether whole images were searched in the latest frames.
+    has_searched: bool,
     /// For how long the shutters are open.
     pub(super) exposures: Exposures,
     pub(super) detections: Detections,
@@ -130,6 +134,8 @@ impl Detector {
                 (tuning, blobs, background),
             ),
             since_search: 0,
+            turn: 0,
+            has_searched: false,
             exposures: Exposures::default(),
             detections: Detections::with_room(room, cameras, points),
             is_of_crowd: false,
@@ -143,7 +149,12 @@ impl Detector {
 
     /// Whether whole images were searched in the latest frames.
     pub(super) fn has_searched(&self) -> bool {
-        self.since_search == 0
+        self.has_searched
+    }
+
+    /// Sets its turn to search among all targets.
+    pub(super) fn set_turn(&mut self, turn: usize) {
+        self.turn = turn as u32 % self.tuning.frames_between_searches;
     }
 
     /// The greatest log-likelihood ratio of the detections found so far.
@@ -188,18 +199,19 @@ impl Detector {
         self.since_search += 1;
         let predicted_log_ratio = self.greatest_log_ratio();
         let is_sure = predicted_log_ratio > tuning.sure_log_ratio;
-        if !is_sure
+        let is_turn = self.since_search >= tuning.frames_between_searches && !self.is_of_crowd;
+        self.has_searched = !is_sure
             || predicted.is_challenged
             || predicted.existence < tuning.sure_existence
-            || (self.since_search >= tuning.frames_between_searches && !self.is_of_crowd)
-        {
-            self.since_search = 0;
+            || is_turn;
+        if self.has_searched {
+            self.since_search = if is_turn { 0 } else { self.turn };
             self.candidates.compare(frames);
             let first = candidates.len();
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
             for number in first..candidates.len() {
-                if self.is_known((edge, frames), &candidates[number]) {
+                if self.is_known((edge, frames), candidates, (first, number)) {
                     candidates[number].verdict = Verdict::SamePlace;
                     continue;
                 }
@@ -235,39 +247,57 @@ impl Detector {
         }
     }
 
-    /// Whether a candidate lies where a sure detection of several cameras does and is as large: its fit would find that again.
+    /// Whether a sure detection of several cameras explains the candidate of this number, so that its fit would find that again or nothing: it lies at the same place and is
+    /// as large, or one of the blobs whose rays meet there is that of the target itself, predicted before the search, whose candidates begin with the first.
     fn is_known(
         &self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
-        candidate: &Candidate,
+        candidates: &[Candidate],
+        (first, number): (usize, usize),
     ) -> bool {
         // Of a single camera, a fit without the prior of the prediction may find another distance.
+        let candidate = &candidates[number];
         let (Some(position_m), true) = (candidate.position_m, frames.len() > 1) else {
             return false;
         };
-        let (reach, most) = (self.tuning.distinct_diameters, self.tuning.same_size_factor);
-        let is_same = |known: &Detection| {
-            let Some(blob) = candidate.origin.blob() else {
-                let off_m = Vector3::from(position_m) - Vector3::from(known.position_m());
-                let resized = (candidate.log_scale - known.log_scale()).abs();
-                return off_m.norm() < reach * known.scale() * self.shape.diameter_m()
-                    && resized < libm::log(most);
+        let sure = |known: &&Detection| known.coarse_log_ratio() > self.tuning.sure_log_ratio;
+        self.detections().iter().filter(sure).any(|known| {
+            let Some(blobs) = candidate.blobs else {
+                return self.is_of((edge, frames), known, candidate);
             };
-            let camera = candidate.origin.camera().map(CameraId::index);
-            let mut frames = frames.iter();
-            let frame = frames.find(|frame| Some(frame.camera()) == camera);
-            let disc = frame.and_then(|frame| edge.disc_px(frame, known));
-            disc.is_some_and(|(middle_px, area_px)| {
-                let [u, v] = [0, 1].map(|i| blob.centroid_px[i] - middle_px[i]);
-                let diameter_px = 2.0 * (area_px / std::f64::consts::PI).sqrt();
-                let ratio = (blob.area_px / area_px).max(area_px / blob.area_px);
-                libm::hypot(u, v) < reach * diameter_px && ratio < most * most
-            })
-        };
-        let sure = self.tuning.sure_log_ratio;
-        let detections = self.detections().iter();
-        let mut sure = detections.filter(|known| known.coarse_log_ratio() > sure);
-        sure.any(is_same)
+            let off_m = Vector3::from(position_m) - Vector3::from(known.position_m());
+            let reach_m = self.tuning.distinct_diameters * known.scale() * self.shape.diameter_m();
+            let resized = (candidate.log_scale - known.log_scale()).abs();
+            let is_there = off_m.norm() < reach_m;
+            if is_there && resized < libm::log(self.tuning.same_size_factor) {
+                return true;
+            }
+            // What a single camera shows may have another distance, and what was not predicted other pairs of blobs.
+            let is_target = known.candidate() < first && known.camera_count() > 1;
+            let mut blobs = blobs.iter().filter(|_| is_target);
+            blobs.any(|&blob| self.is_of((edge, frames), known, &candidates[blob]))
+        })
+    }
+
+    /// Whether a candidate's blob is a detection's in the same camera: there, and as large.
+    fn is_of(
+        &self,
+        (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
+        known: &Detection,
+        candidate: &Candidate,
+    ) -> bool {
+        let (reach, most) = (self.tuning.distinct_diameters, self.tuning.same_size_factor);
+        let camera = candidate.origin.camera().map(CameraId::index);
+        let mut frames = frames.iter();
+        let frame = frames.find(|frame| Some(frame.camera()) == camera);
+        let disc = frame.and_then(|frame| edge.disc_px(frame, known));
+        let both = candidate.origin.blob().zip(disc);
+        both.is_some_and(|(blob, (middle_px, area_px))| {
+            let [u, v] = [0, 1].map(|i| blob.centroid_px[i] - middle_px[i]);
+            let diameter_px = 2.0 * (area_px / std::f64::consts::PI).sqrt();
+            let ratio = (blob.area_px / area_px).max(area_px / blob.area_px);
+            libm::hypot(u, v) < reach * diameter_px && ratio < most * most
+        })
     }
 
     /// Fits the candidate of this number, unless it is ruled out already, with a prior of its position if there is one and of its size, as an outline with this
@@ -292,6 +322,7 @@ impl Detector {
             size: priors.size,
             yaw: priors.yaw,
             is_planar: self.is_planar,
+            min_log_ratio: self.tuning.min_log_ratio,
         };
         if priors.yaw.is_some() || self.any_yaw.is_empty() {
             return self.fit_from((edge, frames), &start, candidate, number);

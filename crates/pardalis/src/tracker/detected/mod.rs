@@ -222,6 +222,11 @@ impl DetectedTarget {
         &self.candidates
     }
 
+    /// Sets its first turn to search whole images.
+    pub(super) fn set_turn(&mut self, turn: usize) {
+        self.detector.set_turn(turn);
+    }
+
     pub(super) fn forget_candidates(&mut self) {
         self.candidates.clear();
     }
