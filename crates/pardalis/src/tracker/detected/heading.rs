@@ -29,6 +29,8 @@ pub(super) struct Heading {
     travelled: [f64; 2],
     /// Whether it is known which side is the front: that at the yaw.
     is_front_known: bool,
+    /// The velocity noted before the latest, diameters per second.
+    before: Option<[f64; 2]>,
 }
 
 /// A Gaussian of yaw and rate of turn.
@@ -86,6 +88,7 @@ impl Heading {
             turn: None,
             travelled: [0.0; 2],
             is_front_known: false,
+            before: None,
         }
     }
 
@@ -145,7 +148,11 @@ impl Heading {
     }
 
     /// Adds how the body moves: its velocity along the world's x and y axes, in diameters per second, over this time.
-    pub(super) fn note_motion(&mut self, [x, y]: [f64; 2], since_s: f64, tuning: &HeadingTuning) {
+    ///
+    /// The course is that of two frames: the position moves to and fro with the yaw of an outline that looks alike in two directions.
+    pub(super) fn note_motion(&mut self, velocity: [f64; 2], since_s: f64, tuning: &HeadingTuning) {
+        let before = self.before.replace(velocity).unwrap_or(velocity);
+        let [x, y] = [0, 1].map(|axis| 0.5 * (before[axis] + velocity[axis]));
         let speed = libm::hypot(x, y);
         let course_rad = libm::atan2(y, x);
         let variance = tuning.course_sigma_rad.powi(2) + (tuning.velocity_sigma / speed).powi(2);
@@ -379,6 +386,29 @@ mod tests {
         heading.note_motion([2.0, -2.0], 0.04, &TUNING);
         let [unchanged_rad, _] = heading.estimate(0.0, &TUNING).unwrap();
         assert_eq!(unchanged_rad, heading_rad);
+    }
+
+    #[test]
+    fn a_velocity_that_changes_to_and_fro_draws_no_heading_aside() {
+        let mut heading = Heading::new(PI / 4.0);
+        let hardly = FormEvidence {
+            px_per_unit: 3.0,
+            ..evidence(0.0)
+        };
+        for frame in 0..60 {
+            heading.predict(0.05, &TUNING);
+            heading.update(&hardly, 0.15, &TUNING);
+            // At first it moves steadily, 0.6 rad beside x.
+            let aside_rad = match frame {
+                0..20 => -0.6,
+                _ if frame % 2 == 0 => 0.45,
+                _ => -0.45,
+            };
+            let (sin, cos) = libm::sincos(aside_rad);
+            heading.note_motion([1.6 * cos, 1.6 * sin], 0.05, &TUNING);
+        }
+        let [heading_rad, _] = heading.estimate(0.0, &TUNING).unwrap();
+        assert!(heading_rad.abs() < 0.1, "{heading_rad}");
     }
 
     #[test]
