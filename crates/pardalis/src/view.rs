@@ -7,6 +7,7 @@ use nalgebra::{Point3, Vector3};
 use pardalis_camera::Pose;
 use pardalis_camera::{Camera, Mask};
 use pardalis_core::Error;
+use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 
 /// How a camera moves, in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,13 +39,19 @@ pub struct View {
 impl View {
     /// Creates a view of a camera with images of this width and height in pixels.
     ///
-    /// Returns an error if the mask has another size.
+    /// Returns an error if images cannot have this size, or the mask has another.
     pub fn new(
         camera: impl Into<Camera>,
         world_from_camera: Pose,
         (width, height): (usize, usize),
         mask: Option<Mask>,
     ) -> Result<Self, Error> {
+        if [width, height]
+            .iter()
+            .any(|side| !(1..=MAX_IMAGE_SIDE_PX).contains(side))
+        {
+            return Err(Error::ImageSize { width, height });
+        }
         if let Some(mask) = &mask {
             let found = (mask.width(), mask.height());
             if found != (width, height) {

@@ -1,0 +1,15 @@
+"""Tracks coloured objects in 3D with particle filters, through any camera.
+
+From the images of one or more calibrated cameras a `Tracker` computes, image by image, where a ball,
+a robot or a flat target is, how fast it moves, how certain that is, and whether it is occluded or lost.
+
+Units end names: metres, seconds, radians, pixels. The world's z axis points up; the camera's x axis points
+right, y down and z ahead. Pixel centres have integer coordinates. Images are arrays of height x width x 3
+bytes, red, green and blue: OpenCV has them the other way round, so pass `image[..., ::-1]`.
+
+The same images, seed and version give the same numbers.
+"""
+
+from ._pardalis import Camera, ColorModel, Estimate, Shape, Target, Tracker
+
+__all__ = ["Camera", "ColorModel", "Estimate", "Shape", "Target", "Tracker"]

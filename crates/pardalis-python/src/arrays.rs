@@ -1,0 +1,83 @@
+//! Between NumPy arrays and the library's types.
+
+use numpy::ndarray::Array2;
+use numpy::{
+    AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArrayLike2, PyArrayLike3, TypeMustMatch,
+};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use pardalis::camera::{Pose, pose_from_matrix};
+use pardalis::{Error, Frame};
+
+/// An image: height x width x 3 bytes, red, green and blue.
+pub(crate) type Image<'py> = PyArrayLike3<'py, u8, TypeMustMatch>;
+
+/// Numbers in rows.
+pub(crate) type Rows<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
+
+/// Whether each pixel is meant: height x width.
+pub(crate) type Pixels<'py> = PyArrayLike2<'py, bool, TypeMustMatch>;
+
+/// Copies an image into a frame.
+pub(crate) fn frame(image: &Image, time_s: f64) -> PyResult<Frame> {
+    let image = image.as_array();
+    let (height, width, channels) = image.dim();
+    if channels != 3 {
+        return Err(PyValueError::new_err(format!(
+            "the image has {channels} channels; allowed: 3, red, green and blue"
+        )));
+    }
+    // Also of an array that is a view of another, such as image[..., ::-1].
+    let bytes: Vec<u8> = match image.as_slice() {
+        Some(bytes) => bytes.to_vec(),
+        None => image.iter().copied().collect(),
+    };
+    Frame::from_rgb(width, height, bytes, time_s).map_err(crate::value_error)
+}
+
+/// Points in rows of this many coordinates.
+pub(crate) fn rows<const N: usize>(points: &Rows, what: &str) -> PyResult<Vec<[f64; N]>> {
+    let points = points.as_array();
+    if points.ncols() != N {
+        let columns = points.ncols();
+        return Err(PyValueError::new_err(format!(
+            "{what} has {columns} columns; allowed: {N}"
+        )));
+    }
+    let rows = points.rows();
+    Ok(rows
+        .into_iter()
+        .map(|row| std::array::from_fn(|i| row[i]))
+        .collect())
+}
+
+/// Rows as an array.
+pub(crate) fn array<'py, const N: usize>(
+    py: Python<'py>,
+    rows: &[[f64; N]],
+) -> Bound<'py, PyArray2<f64>> {
+    Array2::from_shape_fn((rows.len(), N), |(i, j)| rows[i][j]).into_pyarray(py)
+}
+
+/// A vector as an array.
+pub(crate) fn vector<const N: usize>(py: Python<'_>, vector: [f64; N]) -> Bound<'_, PyArray1<f64>> {
+    PyArray1::from_slice(py, &vector)
+}
+
+/// A pose from a 4 x 4 matrix.
+pub(crate) fn pose(matrix: &Rows) -> PyResult<Pose> {
+    let rows = rows::<4>(matrix, "the pose matrix")?;
+    let rows: [[f64; 4]; 4] = rows.try_into().map_err(|rows: Vec<_>| {
+        let count = rows.len();
+        let error = Error::out_of_range("the pose matrix", format!("{count} rows"), "4 rows");
+        crate::value_error(error)
+    })?;
+    pose_from_matrix(rows).map_err(crate::value_error)
+}
+
+/// The 4 x 4 matrix of a pose.
+pub(crate) fn matrix<'py>(py: Python<'py>, pose: &Pose) -> Bound<'py, PyArray2<f64>> {
+    let matrix = pose.to_homogeneous();
+    Array2::from_shape_fn((4, 4), |(i, j)| matrix[(i, j)]).into_pyarray(py)
+}

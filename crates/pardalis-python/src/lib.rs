@@ -1,0 +1,45 @@
+//! The Python package of Pardalis: cameras, colours and the tracker, with images and points as NumPy arrays.
+//!
+//! What Python sees is documented in `python/pardalis/__init__.pyi`.
+
+mod arrays;
+mod camera;
+mod color;
+mod estimate;
+mod target;
+mod tracker;
+
+use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::prelude::*;
+
+use pardalis::Error;
+
+/// Errors of the library are `ValueError`s with the same words.
+fn value_error(error: Error) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// What went wrong in a file.
+fn in_file(path: &std::path::Path, error: impl std::fmt::Display) -> PyErr {
+    PyValueError::new_err(format!("{}: {error}", path.display()))
+}
+
+/// Reads a text file.
+fn read_text(path: &std::path::Path) -> PyResult<String> {
+    std::fs::read_to_string(path)
+        .map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))
+}
+
+#[pymodule]
+mod _pardalis {
+    #[pymodule_export]
+    use super::camera::Camera;
+    #[pymodule_export]
+    use super::color::ColorModel;
+    #[pymodule_export]
+    use super::estimate::Estimate;
+    #[pymodule_export]
+    use super::target::{Shape, Target};
+    #[pymodule_export]
+    use super::tracker::Tracker;
+}
