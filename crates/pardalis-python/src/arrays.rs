@@ -14,10 +14,27 @@ use pardalis::{Error, Frame};
 pub(crate) type Image<'py> = PyArrayLike3<'py, u8, TypeMustMatch>;
 
 /// Numbers in rows.
-pub(crate) type Rows<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
+type Rows<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
 
 /// Whether each pixel is meant: height x width.
 pub(crate) type Pixels<'py> = PyArrayLike2<'py, bool, TypeMustMatch>;
+
+/// An array of another type or number of dimensions than is wanted.
+fn is_no(what: &str, wanted: &str) -> PyErr {
+    PyValueError::new_err(format!("{what} is no array of {wanted}"))
+}
+
+/// An argument as an image.
+pub(crate) fn image<'py>(image: &Bound<'py, PyAny>, what: &str) -> PyResult<Image<'py>> {
+    let wanted = "height x width x 3 bytes (numpy.uint8)";
+    image.extract().map_err(|_| is_no(what, wanted))
+}
+
+/// An argument as a mask.
+pub(crate) fn pixels<'py>(mask: &Bound<'py, PyAny>, what: &str) -> PyResult<Pixels<'py>> {
+    let wanted = "height x width booleans; of other numbers: mask > 0";
+    mask.extract().map_err(|_| is_no(what, wanted))
+}
 
 /// Copies an image into a frame.
 pub(crate) fn frame(image: &Image, time_s: f64) -> PyResult<Frame> {
@@ -37,7 +54,12 @@ pub(crate) fn frame(image: &Image, time_s: f64) -> PyResult<Frame> {
 }
 
 /// Points in rows of this many coordinates.
-pub(crate) fn rows<const N: usize>(points: &Rows, what: &str) -> PyResult<Vec<[f64; N]>> {
+pub(crate) fn rows<const N: usize>(
+    points: &Bound<'_, PyAny>,
+    what: &str,
+) -> PyResult<Vec<[f64; N]>> {
+    let wanted = format!("N x {N} numbers");
+    let points: Rows = points.extract().map_err(|_| is_no(what, &wanted))?;
     let points = points.as_array();
     if points.ncols() != N {
         let columns = points.ncols();
@@ -66,7 +88,7 @@ pub(crate) fn vector<const N: usize>(py: Python<'_>, vector: [f64; N]) -> Bound<
 }
 
 /// A pose from a 4 x 4 matrix.
-pub(crate) fn pose(matrix: &Rows) -> PyResult<Pose> {
+pub(crate) fn pose(matrix: &Bound<'_, PyAny>) -> PyResult<Pose> {
     let rows = rows::<4>(matrix, "the pose matrix")?;
     let rows: [[f64; 4]; 4] = rows.try_into().map_err(|rows: Vec<_>| {
         let count = rows.len();

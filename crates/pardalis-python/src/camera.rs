@@ -8,7 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{self, Pixels, Rows};
+use crate::arrays;
 use crate::{in_file, read_text, value_error};
 use pardalis::View;
 use pardalis::camera::{
@@ -61,13 +61,13 @@ impl Camera {
     #[staticmethod]
     #[pyo3(signature = (size_px, f_px, center_px, distortion=Vec::new()))]
     fn pinhole(
-        size_px: (usize, usize),
+        size_px: [usize; 2],
         f_px: [f64; 2],
         center_px: [f64; 2],
         distortion: Vec<f64>,
     ) -> PyResult<Self> {
         let lens = Pinhole::new(f_px, center_px, &distortion).map_err(value_error)?;
-        Self::of(lens, size_px)
+        Self::of(lens, size_px.into())
     }
 
     /// Return a fisheye in which the distance from the principal point is proportional to the angle from the axis.
@@ -75,13 +75,13 @@ impl Camera {
     /// Rays beyond `max_angle_rad` from the axis have no pixel.
     #[staticmethod]
     fn equidistant(
-        size_px: (usize, usize),
+        size_px: [usize; 2],
         f_px_per_rad: f64,
         center_px: [f64; 2],
         max_angle_rad: f64,
     ) -> PyResult<Self> {
         let lens = Equidistant::new(f_px_per_rad, center_px, max_angle_rad);
-        Self::of(lens.map_err(value_error)?, size_px)
+        Self::of(lens.map_err(value_error)?, size_px.into())
     }
 
     /// Return a fisheye with the four coefficients `k` of OpenCV's fisheye module (Kannala-Brandt).
@@ -90,14 +90,14 @@ impl Camera {
     #[staticmethod]
     #[pyo3(signature = (size_px, f_px, center_px, k, max_angle_rad=std::f64::consts::PI))]
     fn fisheye(
-        size_px: (usize, usize),
+        size_px: [usize; 2],
         f_px: [f64; 2],
         center_px: [f64; 2],
         k: [f64; 4],
         max_angle_rad: f64,
     ) -> PyResult<Self> {
         let lens = KannalaBrandt::new(f_px, center_px, k, max_angle_rad);
-        Self::of(lens.map_err(value_error)?, size_px)
+        Self::of(lens.map_err(value_error)?, size_px.into())
     }
 
     /// Read all cameras of a calibration file, by name: of OpenCV, ROS, Kalibr, OCamCalib, Basalt or Pardalis.
@@ -108,17 +108,22 @@ impl Camera {
     fn read_all(
         py: Python<'_>,
         path: PathBuf,
-        size_px: Option<(usize, usize)>,
+        size_px: Option<[usize; 2]>,
     ) -> PyResult<Bound<'_, PyDict>> {
         let text = read_text(&path)?;
         let cameras = PyDict::new(py);
         for found in calibration::read(&text, None).map_err(|error| in_file(&path, error))? {
-            let Some(size_px) = size_px.or(found.size_px) else {
+            let Some(size_px) = size_px.map(Into::into).or(found.size_px) else {
                 let name = &found.name;
                 let error =
                     format!("does not say how large the images of \"{name}\" are; give size_px");
                 return Err(in_file(&path, error));
             };
+            if let Some(in_file_px) = found.size_px.filter(|in_file_px| *in_file_px != size_px) {
+                let error =
+                    format!("says that images are {in_file_px:?}, and size_px is {size_px:?}");
+                return Err(in_file(&path, error));
+            }
             let mut camera = Self::of(found.camera, size_px)?;
             camera.world_from_camera = found.world_from_camera.unwrap_or(camera.world_from_camera);
             cameras.set_item(found.name, camera)?;
@@ -132,7 +137,7 @@ impl Camera {
     fn read(
         py: Python<'_>,
         path: PathBuf,
-        size_px: Option<(usize, usize)>,
+        size_px: Option<[usize; 2]>,
     ) -> PyResult<Bound<'_, PyAny>> {
         let cameras = Self::read_all(py, path.clone(), size_px)?;
         if cameras.len() != 1 {
@@ -148,9 +153,9 @@ impl Camera {
     }
 
     /// Return the camera at this pose: a 4 x 4 matrix from camera to world coordinates, metres.
-    fn at(&self, world_from_camera: Rows) -> PyResult<Self> {
+    fn at(&self, world_from_camera: &Bound<'_, PyAny>) -> PyResult<Self> {
         Ok(Self {
-            world_from_camera: arrays::pose(&world_from_camera)?,
+            world_from_camera: arrays::pose(world_from_camera)?,
             ..self.clone()
         })
     }
@@ -173,7 +178,8 @@ impl Camera {
     }
 
     /// Return the camera with a mask: height x width booleans, true where pixels count.
-    fn masked(&self, open: Pixels) -> PyResult<Self> {
+    fn masked(&self, open: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let open = arrays::pixels(open, "open")?;
         let open = open.as_array();
         let (height, width) = open.dim();
         let grey: Vec<u8> = open
@@ -219,8 +225,12 @@ impl Camera {
     /// Return the pixels (N x 2) of points in the world (N x 3, metres). Points that the lens does not see have NaN.
     ///
     /// A pixel may lie outside the image.
-    fn project<'py>(&self, py: Python<'py>, points_m: Rows) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let points = arrays::rows::<3>(&points_m, "points_m")?;
+    fn project<'py>(
+        &self,
+        py: Python<'py>,
+        points_m: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let points = arrays::rows::<3>(points_m, "points_m")?;
         let pixels = py.detach(|| {
             let camera_from_world = self.world_from_camera.inverse();
             let pixel = |point: &[f64; 3]| {
@@ -234,8 +244,12 @@ impl Camera {
 
     /// Return the rays of pixels (N x 2): their origins (N x 3, metres) and unit directions (N x 3) in the world. Pixels without a
     /// ray have NaN.
-    fn rays<'py>(&self, py: Python<'py>, pixels: Rows) -> PyResult<[Bound<'py, PyArray2<f64>>; 2]> {
-        let pixels = arrays::rows::<2>(&pixels, "pixels")?;
+    fn rays<'py>(
+        &self,
+        py: Python<'py>,
+        pixels: &Bound<'py, PyAny>,
+    ) -> PyResult<[Bound<'py, PyArray2<f64>>; 2]> {
+        let pixels = arrays::rows::<2>(pixels, "pixels")?;
         let (origins, directions): (Vec<_>, Vec<_>) = py.detach(|| {
             let ray = |pixel: &[f64; 2]| {
                 let Some(ray) = self.lens.unproject(*pixel) else {

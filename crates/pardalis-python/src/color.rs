@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::arrays::{self, Image, Pixels};
+use crate::arrays;
 use crate::{in_file, read_text, value_error};
 use pardalis::color::{ColorLearner, Palette};
 
@@ -22,7 +22,7 @@ impl ColorModel {
     /// The masks should follow the target's outline: how sharp its edge is, is learnt as well. Two to five images from
     /// where the target will be are enough.
     #[staticmethod]
-    fn learn(images: Vec<Image>, masks: Vec<Pixels>) -> PyResult<Self> {
+    fn learn(images: Vec<Bound<'_, PyAny>>, masks: Vec<Bound<'_, PyAny>>) -> PyResult<Self> {
         if images.len() != masks.len() {
             return Err(PyValueError::new_err(format!(
                 "there are {} images and {} masks; allowed: as many of each",
@@ -32,11 +32,13 @@ impl ColorModel {
         }
         let mut learner = ColorLearner::new(Palette::HSI).map_err(value_error)?;
         for (number, (image, mask)) in images.iter().zip(&masks).enumerate() {
-            let (frame, mask) = (arrays::frame(image, 0.0)?, mask.as_array());
+            let image = arrays::image(image, &format!("images[{number}]"))?;
+            let mask = arrays::pixels(mask, &format!("masks[{number}]"))?;
+            let (frame, mask) = (arrays::frame(&image, 0.0)?, mask.as_array());
             let size = (frame.height(), frame.width());
             if mask.dim() != size {
                 return Err(PyValueError::new_err(format!(
-                    "mask {number} has the shape {:?}, and its image {size:?}; allowed: the same",
+                    "masks[{number}] has the shape {:?}, and its image {size:?}; allowed: the same",
                     mask.dim()
                 )));
             }

@@ -33,6 +33,9 @@ fn read_text(path: &std::path::Path) -> PyResult<String> {
 #[pymodule]
 mod _pardalis {
     #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "its name in Python")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+    #[pymodule_export]
     use super::camera::Camera;
     #[pymodule_export]
     use super::color::ColorModel;

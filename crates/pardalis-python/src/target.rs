@@ -85,6 +85,10 @@ pub(crate) struct Target {
 }
 
 impl Target {
+    pub(crate) fn is_crowd(&self) -> bool {
+        self.most.is_some()
+    }
+
     pub(crate) fn settings(&self) -> TargetSettings {
         let settings = self.settings.clone();
         match self.most {
@@ -106,7 +110,7 @@ impl Target {
         ground_z_m=0.0,
         particle_count=DetectedSettings::PARTICLE_COUNT,
         max_count=None,
-    ))]
+    ), text_signature = "(shape, colors, *, radius_tolerance=0.02, turns=True, ground_z_m=0.0, particle_count=500, max_count=None)")]
     fn new(
         shape: PyRef<Shape>,
         colors: PyRef<ColorModel>,
@@ -119,6 +123,11 @@ impl Target {
         if max_count.is_some_and(|most| !(1..=1000).contains(&most)) {
             return Err(PyValueError::new_err(
                 "max_count is out of range; allowed: 1 to 1000, or None for one target",
+            ));
+        }
+        if radius_tolerance.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
+            return Err(PyValueError::new_err(
+                "radius_tolerance is out of range; allowed: 0 to 1, or None for a radius that is a guess",
             ));
         }
         let mut settings = DetectedSettings::new(shape.0, colors.0.clone());

@@ -1,25 +1,28 @@
 //! The tracker.
 
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{self, Image};
+use crate::arrays;
 use crate::camera::Camera;
 use crate::estimate::Estimate;
 use crate::target::Target;
 use crate::value_error;
+use pardalis::tracker::Observed;
 use pardalis::{CameraId, FrameSet, TargetId};
 
 /// Tracks targets in the images of cameras, both by name.
 ///
-/// Pass each image, or all that were taken at the same instant, to `observe`; then ask for `estimate`. Work runs without
-/// Python's global lock.
+/// Pass each image, or all that were taken at the same instant, to `observe`; then ask for `estimate`. Trackers in several threads run at
+/// the same time; a single one is for one thread at a time.
 #[pyclass(module = "pardalis")]
 pub(crate) struct Tracker {
     tracker: pardalis::Tracker,
     cameras: Vec<String>,
     targets: Vec<String>,
+    /// Whether each target is a crowd.
+    are_crowds: Vec<bool>,
 }
 
 /// The position of a name in a list; what is called such is named in the error.
@@ -31,14 +34,27 @@ fn position(names: &[String], what: &str, name: &str) -> PyResult<usize> {
     })
 }
 
+/// The value of a dictionary has another type.
+fn is_no(what: &str, name: &Bound<'_, PyAny>, wanted: &str) -> PyErr {
+    PyTypeError::new_err(format!("{what}[\"{name}\"] is no {wanted}"))
+}
+
 impl Tracker {
     fn target_id(&self, target: &str) -> PyResult<TargetId> {
         position(&self.targets, "target", target).map(TargetId::new)
     }
 
     /// The time for which estimates are asked.
-    fn time_or_latest(&self, time_s: Option<f64>) -> f64 {
-        time_s.or(self.tracker.time_s()).unwrap_or(0.0)
+    fn time_or_latest(&self, time_s: Option<f64>) -> PyResult<f64> {
+        let latest_s = self.tracker.time_s();
+        match (time_s, latest_s) {
+            (Some(time_s), Some(latest_s)) if time_s < latest_s => {
+                Err(PyValueError::new_err(format!(
+                    "time_s is {time_s}; allowed: {latest_s}, that of the latest images, or later"
+                )))
+            }
+            _ => Ok(time_s.or(latest_s).unwrap_or(0.0)),
+        }
     }
 }
 
@@ -50,34 +66,39 @@ impl Tracker {
         let mut setup = pardalis::Tracker::builder();
         setup.seed(seed);
         let (mut camera_names, mut target_names) = (Vec::new(), Vec::new());
+        let mut are_crowds = Vec::new();
         for (name, camera) in cameras {
             camera_names.push(name.extract()?);
-            setup.camera(camera.cast::<Camera>()?.get().view()?);
+            let camera = camera
+                .cast::<Camera>()
+                .map_err(|_| is_no("cameras", &name, "Camera"))?;
+            setup.camera(camera.get().view()?);
         }
         for (name, target) in targets {
             target_names.push(name.extract()?);
-            setup.target(target.cast::<Target>()?.get().settings());
+            let target = target
+                .cast::<Target>()
+                .map_err(|_| is_no("targets", &name, "Target"))?;
+            setup.target(target.get().settings());
+            are_crowds.push(target.get().is_crowd());
         }
         Ok(Self {
             tracker: setup.build().map_err(value_error)?,
             cameras: camera_names,
             targets: target_names,
+            are_crowds,
         })
     }
 
     /// Observe the images (height x width x 3 bytes) of one camera or several, by name, that were taken at the same time in seconds.
     ///
-    /// Times must not decrease. Without images, targets are only predicted.
+    /// Each time must be later than the one before. Without images, targets are only predicted.
     fn observe(&mut self, py: Python<'_>, images: &Bound<'_, PyDict>, time_s: f64) -> PyResult<()> {
         let mut frames = Vec::with_capacity(images.len());
         for (name, image) in images {
             let name: String = name.extract()?;
             let camera = position(&self.cameras, "camera", &name)?;
-            let image: Image = image.extract().map_err(|_| {
-                PyValueError::new_err(format!(
-                    "the image of \"{name}\" is no array of height x width x 3 bytes (numpy.uint8)"
-                ))
-            })?;
+            let image = arrays::image(&image, &format!("the image of \"{name}\""))?;
             let frame = arrays::frame(&image, time_s)?;
             frames.push((CameraId::new(camera), frame));
         }
@@ -87,15 +108,19 @@ impl Tracker {
             FrameSet::new(frames)
         };
         let set = set.map_err(value_error)?;
-        py.detach(|| self.tracker.observe(&set))
-            .map_err(value_error)?;
-        Ok(())
+        match py.detach(|| self.tracker.observe(&set)) {
+            Ok(Observed::Used) => Ok(()),
+            Ok(Observed::Repeated) => Err(PyValueError::new_err(format!(
+                "images of {time_s} s were observed before; pass images that were taken at the same time together"
+            ))),
+            Err(error) => Err(value_error(error)),
+        }
     }
 
     /// Return the estimate of a target, at the time of the latest images or predicted for a later time.
     #[pyo3(signature = (target, time_s=None))]
     fn estimate(&self, target: &str, time_s: Option<f64>) -> PyResult<Estimate> {
-        let time_s = self.time_or_latest(time_s);
+        let time_s = self.time_or_latest(time_s)?;
         let known = self.tracker.estimate_at(self.target_id(target)?, time_s);
         Ok(Estimate {
             known: known.map_err(value_error)?,
@@ -105,10 +130,19 @@ impl Tracker {
     }
 
     /// Return the members of a target with `max_count`, each with its number.
+    ///
+    /// A member that is lost keeps its number for up to three seconds.
     #[pyo3(signature = (target, time_s=None))]
     fn members(&self, target: &str, time_s: Option<f64>) -> PyResult<Vec<Estimate>> {
-        let time_s = self.time_or_latest(time_s);
-        let members = self.tracker.members_at(self.target_id(target)?, time_s);
+        let time_s = self.time_or_latest(time_s)?;
+        let target = self.target_id(target)?;
+        if !self.are_crowds[target.index()] {
+            return Err(PyValueError::new_err(format!(
+                "\"{}\" is a single target; give it max_count, or ask for estimate",
+                self.targets[target.index()]
+            )));
+        }
+        let members = self.tracker.members_at(target, time_s);
         let estimate = |member: pardalis::tracker::Member| Estimate {
             known: member.estimate,
             time_s,

@@ -48,6 +48,8 @@ def test_calibration_files_are_read():
     assert cameras["cam1"].parameters["fx_px"] > 100
     with pytest.raises(ValueError, match=r"cameras.json: has 2 cameras \(cam1, cam2\); use read_all"):
         Camera.read(DATA / "webcams-two/cameras.json")
+    with pytest.raises(ValueError, match=r"says that images are \(640, 480\), and size_px is \(320, 240\)"):
+        Camera.read(DATA / "dioptric-jump/camera.json", [320, 240])
     with pytest.raises(OSError, match="missing.yaml"):
         Camera.read("missing.yaml")
 
@@ -59,6 +61,7 @@ def test_calibration_files_are_read():
         (lambda: Camera.pinhole((0, 240), [300, 300], [160, 120]), "the image is 0 x 240 pixels"),
         (lambda: Camera.pinhole((320, 240), [300, 300], [160, 120], [1, 2]), "distortion is 2 numbers"),
         (lambda: PINHOLE.project([[1, 2]]), "points_m has 2 columns; allowed: 3"),
+        (lambda: PINHOLE.project([1, 2, 3]), "points_m is no array of N x 3 numbers"),
         (lambda: PINHOLE.at(np.eye(3)), "the pose matrix has 3 columns; allowed: 4"),
         (lambda: PINHOLE.at(2 * np.eye(4)), "allowed: 0, 0, 0, 1"),
         (lambda: PINHOLE.looking([0, 0, 0], [0, 0, 0]), "determine no direction"),

@@ -136,20 +136,34 @@ def test_colours_are_written_and_read_again(tmp_path):
         (lambda t: t.observe({"cam": np.zeros((120, 160, 3), np.uint8)}, 0), "160 x 120 pixels, but 320 x 240"),
         (lambda t: t.observe({}, float("nan")), "time_s is NaN"),
         (lambda t: (t.observe({}, 2), t.observe({}, 1)), "time_s"),
+        (lambda t: (t.observe({}, 2), t.observe({}, 2)), "images of 2 s were observed before"),
+        (lambda t: (t.observe({}, 2), t.estimate("ball", 1.0)), "time_s is 1; allowed: 2, that of the latest images"),
+        (lambda t: t.members("ball"), '"ball" is a single target; give it max_count'),
         (lambda t: t.estimate("cup"), 'there is no target "cup"; allowed: ball'),
         (lambda t: tracker_of(max_count=0), "max_count is out of range"),
-        (lambda t: tracker_of(radius_tolerance=2), "radius_tolerance is 2"),
+        (lambda t: tracker_of(radius_tolerance=2), "radius_tolerance is out of range"),
         (lambda t: tracker_of(radius_tolerance=None), "one camera does not tell size from distance"),
         (lambda t: Tracker({}, {}), "the list of cameras is empty"),
         (lambda t: Shape.ball(-1), "radius_m is -1"),
         (lambda t: ColorModel.learn([], []), "label at least one pixel"),
         (lambda t: ColorModel.learn([picture([0, 0, 2])[0]], []), "1 images and 0 masks"),
         (
+            lambda t: ColorModel.learn([picture([0, 0, 2])[0]], [np.zeros((240, 320), np.uint8)]),
+            r"masks\[0\] is no array of height x width booleans; of other numbers: mask > 0",
+        ),
+        (
             lambda t: ColorModel.learn([picture([0, 0, 2])[0]], [np.ones((10, 10), bool)]),
-            r"mask 0 has the shape \(10, 10\), and its image \(240, 320\)",
+            r"masks\[0\] has the shape \(10, 10\), and its image \(240, 320\)",
         ),
     ],
 )
 def test_mistakes_are_explained(call, words):
     with pytest.raises(ValueError, match=words):
         call(tracker_of())
+
+
+def test_what_is_of_another_class_is_named():
+    with pytest.raises(TypeError, match=r'targets\["ball"\] is no Target'):
+        Tracker({"cam": CAMERA}, {"ball": Shape.ball(0.1)})
+    with pytest.raises(TypeError, match=r'cameras\["cam"\] is no Camera'):
+        Tracker({"cam": None}, {"ball": Target(Shape.ball(0.1), COLORS)})

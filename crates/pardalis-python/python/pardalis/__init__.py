@@ -10,6 +10,6 @@ bytes, red, green and blue: OpenCV has them the other way round, so pass `image[
 The same images, seed and version give the same numbers.
 """
 
-from ._pardalis import Camera, ColorModel, Estimate, Shape, Target, Tracker
+from ._pardalis import Camera, ColorModel, Estimate, Shape, Target, Tracker, __version__
 
-__all__ = ["Camera", "ColorModel", "Estimate", "Shape", "Target", "Tracker"]
+__all__ = ["Camera", "ColorModel", "Estimate", "Shape", "Target", "Tracker", "__version__"]

@@ -5,20 +5,21 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Camera", "ColorModel", "Estimate", "Shape", "Target", "Tracker"]
+__all__ = ["__version__", "Camera", "ColorModel", "Estimate", "Shape", "Target", "Tracker"]
+__version__: str
 
 @final
 class Camera:
     @staticmethod
     def pinhole(
-        size_px: tuple[int, int],
+        size_px: Sequence[int],
         f_px: Sequence[float],
         center_px: Sequence[float],
         distortion: Sequence[float] = ...,
     ) -> Camera: ...
     @staticmethod
     def fisheye(
-        size_px: tuple[int, int],
+        size_px: Sequence[int],
         f_px: Sequence[float],
         center_px: Sequence[float],
         k: Sequence[float],
@@ -26,15 +27,15 @@ class Camera:
     ) -> Camera: ...
     @staticmethod
     def equidistant(
-        size_px: tuple[int, int],
+        size_px: Sequence[int],
         f_px_per_rad: float,
         center_px: Sequence[float],
         max_angle_rad: float,
     ) -> Camera: ...
     @staticmethod
-    def read(path: str | PathLike[str], size_px: tuple[int, int] | None = None) -> Camera: ...
+    def read(path: str | PathLike[str], size_px: Sequence[int] | None = None) -> Camera: ...
     @staticmethod
-    def read_all(path: str | PathLike[str], size_px: tuple[int, int] | None = None) -> dict[str, Camera]: ...
+    def read_all(path: str | PathLike[str], size_px: Sequence[int] | None = None) -> dict[str, Camera]: ...
     def at(self, world_from_camera: ArrayLike) -> Camera: ...
     def looking(self, from_m: Sequence[float], at_m: Sequence[float], roll_rad: float = 0.0) -> Camera: ...
     def masked(self, open: NDArray[np.bool_]) -> Camera: ...
@@ -85,10 +86,10 @@ class Target:
         shape: Shape,
         colors: ColorModel,
         *,
-        radius_tolerance: float | None = ...,
+        radius_tolerance: float | None = 0.02,
         turns: bool = True,
         ground_z_m: float = 0.0,
-        particle_count: int = ...,
+        particle_count: int = 500,
         max_count: int | None = None,
     ) -> Target: ...
 
