@@ -3,7 +3,6 @@
 use nalgebra::{Point3, Vector3};
 
 use super::super::outline::Projector;
-use super::patch::{CHUNK, PatchPixel};
 use crate::color::{
     COARSEST_OCTAVE, ColorRanges, IlluminationCorrection, MatchTable, Palette, PixelKind,
     PixelTable,
@@ -13,6 +12,12 @@ use crate::rolling_shutter::RowMotion;
 use crate::view::PreparedFrame;
 use pardalis_camera::LANES;
 use pardalis_core::simd::Level;
+
+/// The pixels of a row that are converted at once.
+pub(super) const CHUNK: usize = 16;
+
+/// The mean colour of a pixel of an octave (Y, U and V), and 1 if most of it is in the target's colours, 0 if not, NaN if part of it is masked.
+pub(super) type OctavePixel = [f32; 4];
 
 /// An octave of the image pyramid: its pixels are means of 2ⁿ x 2ⁿ pixels of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -240,7 +245,7 @@ impl<'a> EdgeFrame<'a> {
         octave: Octave,
         [column, row]: [usize; 2],
         count: usize,
-    ) -> [PatchPixel; CHUNK] {
+    ) -> [OctavePixel; CHUNK] {
         let size = octave.pixels();
         let step = 1 << octave.0.saturating_sub(Octave::SAMPLED);
         let first = step / 2;

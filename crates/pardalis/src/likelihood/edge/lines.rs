@@ -4,6 +4,7 @@ use super::corners::{Corner, Crossing, bend, corner, nearest, orientation};
 use super::frame::{Octave, SECTORS};
 use super::patch::Patch;
 use super::streak::{Mixture, Streak};
+use super::table::{BAND_PX, REACH_PX, SHIFTS, SHIFTS_A_PX};
 use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
@@ -12,13 +13,6 @@ use pardalis_camera::LANES;
 use pardalis_core::real::{exp_f32, ln_f32};
 use pardalis_core::simd::Level;
 
-/// The reach of lines either way, in pixels. Hand-set: positions off by more are found by the next round of the fit.
-pub(super) const REACH_PX: f32 = 5.0;
-/// The shifts of a line: a quarter of a pixel apart, as the distances of edge profiles. Derivation: 2 · 5 px · 4 + 1.
-pub(super) const SHIFTS: usize = 41;
-pub(super) const SHIFTS_A_PX: usize = 4;
-/// The band of pixels that are looked at, signed distances from the outline in pixels: reach plus the colours of either side. Hand-set.
-pub(super) const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
 /// Pixels farther from all points of the outline, with half the distance between these, are not in the band. Derivation: half as far again as the band reaches, for
 /// pixels beside corners.
 const FAR_PX: f32 = 13.5;

@@ -1,7 +1,7 @@
 //! Patches: the colours of an image around an outline, converted once for all rounds of a fit.
 
 use super::EdgeFrame;
-use super::frame::Octave;
+use super::frame::{CHUNK, Octave, OctavePixel};
 use pardalis_core::simd::Level;
 
 /// How far a patch reaches beyond the pixels that are asked for, in pixels of the octave. Hand-set: outlines seldom move farther during a fit.
@@ -10,12 +10,6 @@ const MARGIN_PX: usize = 4;
 /// There is room for this many pixels; those of larger patches, most of which are far from the outline, are not kept. Hand-set: half a MiB.
 const MAX_PIXELS: usize = 1 << 15;
 
-/// The pixels of a row that are converted at once.
-pub(super) const CHUNK: usize = 16;
-
-/// The mean colour of a pixel (Y, U and V), and 1 if most of it is in the target's colours, 0 if not, NaN if part of it is masked.
-pub(super) type PatchPixel = [f32; 4];
-
 /// A part of an octave of one camera's frame. Its buffers are kept.
 #[derive(Debug, Default)]
 pub(super) struct Patch {
@@ -23,7 +17,7 @@ pub(super) struct Patch {
     columns: std::ops::Range<usize>,
     rows: std::ops::Range<usize>,
     /// Row by row, in chunks.
-    pixels: Vec<[PatchPixel; CHUNK]>,
+    pixels: Vec<[OctavePixel; CHUNK]>,
     /// Whether each chunk has been converted.
     converted: Vec<bool>,
 }
@@ -105,7 +99,7 @@ impl Patch {
         frame: &EdgeFrame,
         level: Level,
         [column, row]: [usize; 2],
-    ) -> [PatchPixel; CHUNK] {
+    ) -> [OctavePixel; CHUNK] {
         let count = CHUNK.min(self.columns.len() - column);
         let place = [self.columns.start + column, self.rows.start + row];
         frame.pixels(level, self.octave, place, count)

@@ -5,7 +5,8 @@
 
 use super::fit::{DEVIATIONS, deviations_px};
 use super::frame::SECTORS;
-use super::lines::{CorrespondenceLines, REACH_PX, SHIFTS, SHIFTS_A_PX, log_mean_exp};
+use super::lines::{CorrespondenceLines, log_mean_exp};
+use super::table::{REACH_PX, SHIFTS, SHIFTS_A_PX};
 use crate::likelihood::outline::Coordinates;
 use pardalis_core::real::{exp_f32, ln_f32};
 

@@ -2,10 +2,16 @@
 
 use super::EdgeTuning;
 use super::frame::Octave;
-use super::lines::{BAND_PX, REACH_PX, SHIFTS, SHIFTS_A_PX};
 use crate::color::{EdgeLogRatios, EdgeProfile, Side};
 use pardalis_core::simd::Level;
 
+/// The reach of lines either way, in pixels. Hand-set: positions off by more are found by the next round of the fit.
+pub(super) const REACH_PX: f32 = 5.0;
+/// The shifts of a line: a quarter of a pixel apart, as the distances of edge profiles. Derivation: 2 · 5 px · 4 + 1.
+pub(super) const SHIFTS: usize = 41;
+pub(super) const SHIFTS_A_PX: usize = 4;
+/// The band of pixels that are looked at, signed distances from the outline in pixels: reach plus the colours of either side. Hand-set.
+pub(super) const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
 /// The quarters of a pixel across the band. Derivation: 4 · (8 + 9).
 const BAND_STEPS: usize = (*BAND_PX.end() - *BAND_PX.start()) as usize * SHIFTS_A_PX;
 
