@@ -115,7 +115,7 @@ impl Tracker {
                 let stream = number + (landmark << LANDMARK_BITS);
                 let draws = Draws::new(seed, stream as u32);
                 let mut body = TargetTracker::new(body, draws, &views, level)?;
-                body.set_turn(bodies.len());
+                body.stagger_searches(bodies.len());
                 if settings.is_crowd {
                     body.join_crowd();
                 }

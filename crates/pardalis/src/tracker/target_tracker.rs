@@ -162,10 +162,10 @@ impl TargetTracker {
         }
     }
 
-    /// Sets its turn among all bodies to search whole images. Only detected bodies do.
-    pub(super) fn set_turn(&mut self, turn: usize) {
+    /// Staggers its searches of whole images with those of other bodies, given its number among them. Only detected bodies search.
+    pub(super) fn stagger_searches(&mut self, number: usize) {
         if let Self::Detected(target) = self {
-            target.set_turn(turn);
+            target.stagger_searches(number);
         }
     }
 

@@ -24,10 +24,10 @@ pub(super) struct Detector {
     /// From this standard deviation of the logarithm of its scale on, a target that one camera alone sees has no position.
     unknown_sigma: f64,
     pub(super) candidates: CandidateSearch,
-    /// Frame sets since whole images were searched in turn.
+    /// Frame sets since whole images were searched because that was due.
     since_search: u32,
-    /// After a search that was not in turn, the next one is this many frame sets sooner: of several targets, each then searches in frames of its own.
-    turn: u32,
+    /// After any other search, the next one is due this many frame sets sooner: of several targets, each then searches in frames of its own.
+    stagger: u32,
     /// Whether whole images were searched in the latest frames.
     has_searched: bool,
     /// For how long the shutters are open.
@@ -134,7 +134,7 @@ impl Detector {
                 (tuning, blobs, background),
             ),
             since_search: 0,
-            turn: 0,
+            stagger: 0,
             has_searched: false,
             exposures: Exposures::default(),
             detections: Detections::with_room(room, cameras, points),
@@ -152,9 +152,9 @@ impl Detector {
         self.has_searched
     }
 
-    /// Sets its turn to search among all targets.
-    pub(super) fn set_turn(&mut self, turn: usize) {
-        self.turn = turn as u32 % self.tuning.frames_between_searches;
+    /// Staggers its searches with those of other targets, given its number among them.
+    pub(super) fn stagger_searches(&mut self, number: usize) {
+        self.stagger = number as u32 % self.tuning.frames_between_searches.max(1);
     }
 
     /// The greatest log-likelihood ratio of the detections found so far.
@@ -199,13 +199,13 @@ impl Detector {
         self.since_search += 1;
         let predicted_log_ratio = self.greatest_log_ratio();
         let is_sure = predicted_log_ratio > tuning.sure_log_ratio;
-        let is_turn = self.since_search >= tuning.frames_between_searches && !self.is_of_crowd;
+        let is_due = self.since_search >= tuning.frames_between_searches && !self.is_of_crowd;
         self.has_searched = !is_sure
             || predicted.is_challenged
             || predicted.existence < tuning.sure_existence
-            || is_turn;
+            || is_due;
         if self.has_searched {
-            self.since_search = if is_turn { 0 } else { self.turn };
+            self.since_search = if is_due { 0 } else { self.stagger };
             self.candidates.compare(frames);
             let first = candidates.len();
             self.candidates

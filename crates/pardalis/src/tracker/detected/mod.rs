@@ -222,9 +222,9 @@ impl DetectedTarget {
         &self.candidates
     }
 
-    /// Sets its first turn to search whole images.
-    pub(super) fn set_turn(&mut self, turn: usize) {
-        self.detector.set_turn(turn);
+    /// Staggers its searches of whole images with those of other bodies, given its number among them.
+    pub(super) fn stagger_searches(&mut self, number: usize) {
+        self.detector.stagger_searches(number);
     }
 
     pub(super) fn forget_candidates(&mut self) {
