@@ -74,7 +74,12 @@ fn libraries_use_no_files_clocks_threads_or_console() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut files = Vec::new();
     for entry in fs::read_dir(crates).unwrap() {
-        let folder = entry.unwrap().path().join("src");
+        let folder = entry.unwrap().path();
+        // A program for its users, which reads files.
+        if folder.ends_with("pardalis-python") {
+            continue;
+        }
+        let folder = folder.join("src");
         // Programs have a main.rs; all other crates are libraries.
         if folder.join("lib.rs").is_file() && !folder.join("main.rs").is_file() {
             sources(&folder, &mut files);
