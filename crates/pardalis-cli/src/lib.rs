@@ -1,5 +1,5 @@
-//! The `pardalis` program, as a library for its `main.rs` and for fuzzing. It has no stable interface: programs use the crate
-//! `pardalis`.
+//! The `pardalis` program, as a library for its `main.rs`, for the Python package and for fuzzing. It has no stable interface:
+//! programs use the crate `pardalis`.
 
 mod arguments;
 mod board;
@@ -19,6 +19,7 @@ mod output;
 #[cfg(feature = "package")]
 mod package;
 mod platforms;
+mod program_file;
 mod progress;
 mod rectangle;
 mod rig;
@@ -32,7 +33,8 @@ mod track_start;
 mod tracking;
 mod user_error;
 
-use std::process::ExitCode;
+use std::ffi::OsString;
+use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
@@ -84,20 +86,26 @@ enum Command {
     Simulate(commands::simulate::Arguments),
 }
 
-/// Runs the command of the command line, and returns the exit code of the program.
-pub fn main() -> ExitCode {
+/// Runs the command of a command line, whose first argument is the name of the program, and returns the exit code.
+///
+/// `file` is what the program is in, next to which its data are searched and by which other versions are told apart.
+pub fn run(arguments: impl IntoIterator<Item = OsString>, file: Option<PathBuf>) -> u8 {
+    if let Some(file) = file {
+        program_file::set(file);
+    }
     #[cfg(feature = "package")]
     return user_error::exit_code_of(&package::write(
         <Arguments as clap::CommandFactory>::command(),
+        arguments,
     ));
     #[cfg(not(feature = "package"))]
-    run()
+    run_command(arguments)
 }
 
-/// Runs the command of the command line.
+/// Runs the command of a command line.
 #[cfg_attr(feature = "package", expect(dead_code))]
-fn run() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+fn run_command(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(message) => return user_error::exit_code_of_usage(&message),
     };

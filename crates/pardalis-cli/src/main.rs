@@ -3,5 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    pardalis_cli::main()
+    let file = std::env::current_exe().ok();
+    ExitCode::from(pardalis_cli::run(std::env::args_os(), file))
 }

@@ -1,5 +1,6 @@
 //! Shell completions and manual pages, from the declaration of the command line.
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
 
@@ -11,8 +12,11 @@ use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Writes the completions of all shells and a manual page for each command into the folder in the first argument.
-pub(crate) fn write(mut command: Command) -> Result<()> {
-    let folder = std::env::args_os().nth(1);
+pub(crate) fn write(
+    mut command: Command,
+    arguments: impl IntoIterator<Item = OsString>,
+) -> Result<()> {
+    let folder = arguments.into_iter().nth(1);
     let folder = folder.ok_or_else(|| user_error!("give a folder"))?;
     let folder = Path::new(&folder);
     let (completions, pages) = (folder.join("completions"), folder.join("man"));

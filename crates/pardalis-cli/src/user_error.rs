@@ -1,7 +1,5 @@
 //! Errors in the user's input, and the exit codes: 0 success, 2 invalid input or usage, 1 any other error.
 
-use std::process::ExitCode;
-
 use crate::output::{self, note};
 
 /// An error in the user's input or usage. The text states the problem, its position, and the remedy.
@@ -16,10 +14,10 @@ macro_rules! user_error {
 pub(crate) use user_error;
 
 /// Prints help, the version, or what is wrong with the command line, and returns the exit code.
-pub(crate) fn exit_code_of_usage(message: &clap::Error) -> ExitCode {
+pub(crate) fn exit_code_of_usage(message: &clap::Error) -> u8 {
     let printed = message.print();
     if message.use_stderr() {
-        return ExitCode::from(2);
+        return 2;
     }
     exit_code_of(&printed.map_or_else(output::failed, Ok))
 }
@@ -27,13 +25,13 @@ pub(crate) fn exit_code_of_usage(message: &clap::Error) -> ExitCode {
 /// Prints the error of a failed command and returns its exit code.
 ///
 /// Errors of the library count as the user's input, because its arguments come from the user's files.
-pub(crate) fn exit_code_of(outcome: &anyhow::Result<()>) -> ExitCode {
+pub(crate) fn exit_code_of(outcome: &anyhow::Result<()>) -> u8 {
     let Err(error) = outcome else {
-        return ExitCode::SUCCESS;
+        return 0;
     };
     note(format_args!("error: {error:#}"));
     let users = error
         .chain()
         .any(|e| e.is::<UserError>() || e.is::<pardalis_core::Error>());
-    ExitCode::from(if users { 2 } else { 1 })
+    if users { 2 } else { 1 }
 }

@@ -1,4 +1,4 @@
-//! The Python package of Pardalis: cameras, colours and the tracker, with images and points as NumPy arrays.
+//! The Python package of Pardalis: cameras, colours and the tracker, with images and points as NumPy arrays, and the program.
 //!
 //! What Python sees is documented in `python/pardalis/__init__.pyi`.
 
@@ -6,6 +6,7 @@ mod arrays;
 mod camera;
 mod color;
 mod estimate;
+mod program;
 mod target;
 mod tracker;
 
@@ -41,6 +42,8 @@ mod _pardalis {
     use super::color::ColorModel;
     #[pymodule_export]
     use super::estimate::Estimate;
+    #[pymodule_export]
+    use super::program::{run_program, toml_text};
     #[pymodule_export]
     use super::target::{Shape, Target};
     #[pymodule_export]

@@ -7,6 +7,7 @@ use anyhow::Result;
 use super::{evaluate, track};
 use crate::arguments::Threads;
 use crate::output::{Shown, print};
+use crate::program_file;
 use crate::tables;
 use crate::tracking::{self, Annotate, Limit, Options, Output, Previous};
 use crate::user_error::user_error;
@@ -96,7 +97,10 @@ fn find_data(given: Option<&Path>) -> Result<PathBuf> {
     if holds_it(&here) {
         return Ok(here);
     }
-    let starts = [std::env::current_dir(), std::env::current_exe()];
+    let starts = [
+        std::env::current_dir().ok(),
+        program_file::get().map(Path::to_owned),
+    ];
     let above = starts
         .iter()
         .flatten()

@@ -7,9 +7,27 @@ Units end names: metres, seconds, radians, pixels. The world's z axis points up;
 right, y down and z ahead. Pixel centres have integer coordinates. Images are arrays of height x width x 3
 bytes, red, green and blue: OpenCV has them the other way round, so pass `image[..., ::-1]`.
 
+`track`, `simulate`, `evaluate` and `run` are commands of the program, which scene files, videos, calibration and
+plots belong to.
+
 The same images, seed and version give the same numbers.
 """
 
 from ._pardalis import Camera, ColorModel, Estimate, Shape, Target, Tracker, __version__
+from ._program import Tracks, evaluate, read_tracks, run, simulate, track
 
-__all__ = ["Camera", "ColorModel", "Estimate", "Shape", "Target", "Tracker", "__version__"]
+__all__ = [
+    "Camera",
+    "ColorModel",
+    "Estimate",
+    "Shape",
+    "Target",
+    "Tracker",
+    "Tracks",
+    "__version__",
+    "evaluate",
+    "read_tracks",
+    "run",
+    "simulate",
+    "track",
+]

@@ -1,11 +1,21 @@
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["__version__", "Camera", "ColorModel", "Estimate", "Shape", "Target", "Tracker"]
+__all__ = [
+    "Camera",
+    "ColorModel",
+    "Estimate",
+    "Shape",
+    "Target",
+    "Tracker",
+    "__version__",
+    "run_program",
+    "toml_text",
+]
 __version__: str
 
 @final
@@ -136,3 +146,6 @@ class Tracker:
     def cameras(self) -> list[str]: ...
     @property
     def targets(self) -> list[str]: ...
+
+def run_program(arguments: Sequence[str], file: str | PathLike[str]) -> int: ...
+def toml_text(table: Mapping[str, Any]) -> str: ...

@@ -12,6 +12,7 @@ use toml::Value;
 
 use crate::files::write_file;
 use crate::output::Shown;
+use crate::program_file;
 use crate::user_error::user_error;
 
 /// Larger files, which are videos, are identified by size and modification time.
@@ -61,8 +62,8 @@ impl Finished {
 pub(super) fn of_run(scene: &Scene, folder: &Path, method: Method, starts: Option<&Path>) -> u64 {
     let mut hasher = DefaultHasher::new();
     env!("CARGO_PKG_VERSION").hash(&mut hasher);
-    if let Ok(program) = std::env::current_exe() {
-        add_size_and_time(&program, &mut hasher);
+    if let Some(program) = program_file::get() {
+        add_size_and_time(program, &mut hasher);
     }
     let settings = Value::Table(scene.resolved.clone());
     settings.to_string().hash(&mut hasher);
@@ -77,8 +78,8 @@ pub(super) fn of_run(scene: &Scene, folder: &Path, method: Method, starts: Optio
 /// Returns the fingerprint of a simulated world: the program and the world's text with replaced settings.
 pub(super) fn of_world(text: &str) -> String {
     let mut hasher = DefaultHasher::new();
-    if let Ok(program) = std::env::current_exe() {
-        add_size_and_time(&program, &mut hasher);
+    if let Some(program) = program_file::get() {
+        add_size_and_time(program, &mut hasher);
     }
     text.hash(&mut hasher);
     format!("{:016x}", hasher.finish())
