@@ -13,8 +13,8 @@ use nalgebra::Vector3;
 use pardalis::camera::{Pinhole, Pose, looking_at};
 use pardalis::color::{ColorModel, Palette, YuvEncoding};
 use pardalis::platform::{OdometryErrors, Platform, PoseCovariance, StampedPose};
-use pardalis::shape::{Flat, Shape};
-use pardalis::tracker::{DetectedSettings, TargetSettings, TrackState};
+use pardalis::shape::{Flat, Shape, Sphere, SphereOutline};
+use pardalis::tracker::{BoxedSettings, DetectedSettings, ImageBox, TargetSettings, TrackState};
 use pardalis::view::View;
 use pardalis::{CameraId, Estimate, FrameSet, PixelFormat, TargetId, Tracker};
 use pardalis_core::rng::Draws;
@@ -113,6 +113,38 @@ fn check_detected() {
     let of_two = sets(FPS, 0..40, |index| vec![jump_picture(index); 2]);
     let views = vec![fisheye_view(), fisheye_view()];
     check("two cameras", views, ball(), &of_two, 12);
+}
+
+/// Checks a ball that is found by boxes in two cameras, and a crowd.
+fn check_boxed() {
+    let lens = Pinhole::new([200.0; 2], [159.5, 119.5], &[]).unwrap();
+    let view =
+        |x_m: f64| View::new(lens, Pose::translation(x_m, 0.0, 0.0), (320, 240), None).unwrap();
+    let ball = BoxedSettings::new(Shape::Sphere(
+        Sphere::new(0.1, SphereOutline::Tangent).unwrap(),
+    ));
+    // 2 m ahead of both cameras, and one that moves to and fro beside it.
+    let set = |index: usize| {
+        let time_s = index as f64 / FPS;
+        let aside_m = 0.5 + 0.1 * libm::sin(3.0 * time_s);
+        let mut set = FrameSet::without_frames(time_s).unwrap();
+        for (camera, x_m) in [0.0, 0.3].into_iter().enumerate() {
+            let found = |at_m: f64| {
+                let center_px = [159.5 + 100.0 * (at_m - x_m), 119.5];
+                ImageBox::around_circle(center_px, 10.0).unwrap()
+            };
+            let camera = CameraId::new(camera);
+            set = set
+                .with_boxes(camera, TargetId::new(0), vec![found(0.0)])
+                .unwrap();
+            let both = vec![found(0.0), found(aside_m)];
+            set = set.with_boxes(camera, TargetId::new(1), both).unwrap();
+        }
+        set
+    };
+    let sets: Vec<FrameSet> = (0..40).map(set).collect();
+    let targets = vec![ball.clone().into(), TargetSettings::boxed_crowd(ball, 5)];
+    check("boxes", vec![view(0.0), view(0.3)], targets, &sets, 12);
 }
 
 /// Checks a detected ball in a camera on a platform, which is observed before each frame.
@@ -319,6 +351,7 @@ fn steps_after_the_first_frames_do_not_allocate() {
     on_one_thread(check_bernoulli);
     check_detected();
     check_moving();
+    check_boxed();
     check_look_alikes();
     check_streaks();
     check_turning();

@@ -4,6 +4,9 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use super::BernoulliFilter;
 
+/// Squared standard deviations beyond which the density is taken as 0. Derivation: it is e⁻⁶⁰ of that in the middle.
+const NEGLIGIBLE_SQUARES: f64 = 120.0;
+
 impl BernoulliFilter {
     /// Returns the predicted density of the target's position at a measurement with this covariance (metres, m²),
     /// given that the target is where the particles predict it: ∫p(x)·N(x; position, covariance) dx in 1/m³. In a
@@ -25,11 +28,16 @@ impl BernoulliFilter {
         } = SymmetricEigen::new(covariance);
         let is_free = |axis: usize| free_axes == 3 || eigenvectors[(2, axis)].abs() < 0.5;
         let density = |off: &Vector3<f64>, variance_m2: f64| -> f64 {
-            let log = |axis: usize| {
+            let (mut squares, mut volume) = (0.0, 1.0);
+            for axis in (0..3).filter(|&axis| is_free(axis)) {
                 let variance = eigenvalues[axis].max(0.0) + variance_m2;
-                off[axis] * off[axis] / variance + libm::log(std::f64::consts::TAU * variance)
-            };
-            libm::exp(-0.5 * (0..3).filter(|&axis| is_free(axis)).map(log).sum::<f64>())
+                squares += off[axis] * off[axis] / variance;
+                volume *= std::f64::consts::TAU * variance;
+            }
+            if squares > NEGLIGIBLE_SQUARES {
+                return 0.0;
+            }
+            libm::exp(-0.5 * squares) / volume.sqrt()
         };
         let velocity_jump = self.velocity_jump(self.pending_s);
         let hypotheses = self.hypotheses.iter().zip(&self.weights);

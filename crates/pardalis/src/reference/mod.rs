@@ -6,12 +6,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+mod boxed;
 mod detected;
 mod edge;
 mod outline;
 mod patch;
 mod streak;
 
+pub use boxed::boxes_log_ratio;
 pub use detected::{
     Rivals, association_log_weight, mixture_log_ratio, predicted_visibility, size_posterior,
     updated_visibility,

@@ -8,7 +8,7 @@ use super::track::Instant;
 pub(super) struct Crowd {
     /// The number of the member that is found next.
     next_number: u32,
-    /// The index of the body that has the buffers with which whole images are searched. They are large, and one after another uses them.
+    /// The index of the body that has the buffers with which whole images are searched, or the boxes of an instant. They are large, and one after another uses them.
     searcher: usize,
 }
 
@@ -24,17 +24,13 @@ impl Crowd {
     /// Lets a body search.
     pub(super) fn lend_search(&mut self, bodies: &mut [TargetTracker], to: usize) {
         let from = std::mem::replace(&mut self.searcher, to);
-        if let Ok([from, to]) = bodies.get_disjoint_mut([from, to])
-            && let (Some(from), Some(to)) = (from.detected_mut(), to.detected_mut())
-        {
+        if let Ok([from, to]) = bodies.get_disjoint_mut([from, to]) {
             to.take_search(from);
         }
     }
 
     /// Updates who a body is after it has seen the frames of an instant.
     pub(super) fn update_member(&mut self, body: &mut TargetTracker, instant: &Instant) {
-        if let Some(body) = body.detected_mut() {
-            body.update_member(&mut self.next_number, (instant.views, instant.time_s));
-        }
+        body.update_member(&mut self.next_number, (instant.views, instant.time_s));
     }
 }

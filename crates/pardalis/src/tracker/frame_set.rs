@@ -1,6 +1,7 @@
 //! The frames of one instant.
 
-use super::CameraId;
+use super::image_box::{CameraBoxes, ImageBox};
+use super::{CameraId, TargetId};
 use crate::Frame;
 use crate::frame::check_time;
 use pardalis_core::Error;
@@ -23,6 +24,7 @@ use pardalis_core::Error;
 pub struct FrameSet {
     time_s: f64,
     frames: Vec<(usize, Frame)>,
+    boxes: Vec<CameraBoxes>,
 }
 
 impl FrameSet {
@@ -58,7 +60,11 @@ impl FrameSet {
                 format!("at most 0.001 s after {first_s}, the time of another frame of the set");
             return Err(Error::out_of_range("time_s", time_s, &allowed));
         }
-        Ok(Self { time_s, frames })
+        Ok(Self {
+            time_s,
+            frames,
+            boxes: Vec::new(),
+        })
     }
 
     /// Creates the set of a single frame.
@@ -66,6 +72,7 @@ impl FrameSet {
         Self {
             time_s: frame.time_s(),
             frames: vec![(camera.index(), frame)],
+            boxes: Vec::new(),
         }
     }
 
@@ -76,13 +83,60 @@ impl FrameSet {
         Ok(Self {
             time_s,
             frames: Vec::new(),
+            boxes: Vec::new(),
         })
     }
 
-    /// Removes the frames for which `keep` returns `false`, such as frozen images. The time does not change.
+    /// Adds what a detector found of a [boxed](super::BoxedSettings) target in a camera's image of this instant, whose frame may be in the set, too, or not: nothing, one box, or several of which
+    /// one is the target's. Of a crowd, each may be a member's. An empty list says that the detector looked at the image and found nothing; without a list it did not look.
+    ///
+    /// ```
+    /// use pardalis::tracker::ImageBox;
+    /// use pardalis::{CameraId, FrameSet, TargetId};
+    ///
+    /// let found = vec![ImageBox::new([100.0, 80.0, 140.0, 120.0])?.with_score(0.8)?];
+    /// let set = FrameSet::without_frames(0.04)?.with_boxes(CameraId::new(0), TargetId::new(0), found)?;
+    /// assert_eq!(set.time_s(), 0.04);
+    /// # Ok::<(), pardalis::Error>(())
+    /// ```
+    ///
+    /// Returns an error if there are boxes of that target and camera already.
+    pub fn with_boxes(
+        mut self,
+        camera: CameraId,
+        target: TargetId,
+        boxes: Vec<ImageBox>,
+    ) -> Result<Self, Error> {
+        let (camera, target) = (camera.index(), target.index());
+        let mut others = self.boxes.iter();
+        if others.any(|other| (other.camera, other.target) == (camera, target)) {
+            let allowed = "cameras that have one list of boxes of a target in the set";
+            return Err(Error::out_of_range("camera", camera, allowed));
+        }
+        self.boxes.push(CameraBoxes {
+            camera,
+            target,
+            boxes,
+        });
+        Ok(self)
+    }
+
+    /// Removes the frames for which `keep` returns `false`, such as frozen images, and the boxes in them. The time does not change.
     pub fn retain(&mut self, mut keep: impl FnMut(CameraId, &Frame) -> bool) {
-        self.frames
-            .retain(|(camera, frame)| keep(CameraId::new(*camera), frame));
+        let boxes = &mut self.boxes;
+        self.frames.retain(|(camera, frame)| {
+            let is_kept = keep(CameraId::new(*camera), frame);
+            if !is_kept {
+                boxes.retain(|boxes| boxes.camera != *camera);
+            }
+            is_kept
+        });
+    }
+
+    /// Removes the frames and boxes of the cameras whose number is refused.
+    pub(super) fn retain_cameras(&mut self, keep: impl Fn(usize) -> bool) {
+        self.frames.retain(|(camera, _)| keep(*camera));
+        self.boxes.retain(|boxes| keep(boxes.camera));
     }
 
     /// Returns the time of the instant in seconds, finite.
@@ -99,5 +153,10 @@ impl FrameSet {
     /// Returns the frames with the indices of their cameras, as cues expect them.
     pub(super) fn numbered(&self) -> &[(usize, Frame)] {
         &self.frames
+    }
+
+    /// Returns what detectors found.
+    pub(super) fn boxes(&self) -> &[CameraBoxes] {
+        &self.boxes
     }
 }

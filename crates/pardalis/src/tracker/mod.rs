@@ -1,8 +1,9 @@
 //! Tracking: frame sets in, estimates out, for any number of cameras and targets.
 //!
-//! There are two ways to track a target, with separate types ([`BodySettings`]): *detected* targets are found by the
-//! tracker itself, *initialised* ones are tracked by the published cues from a given start.
+//! There are three ways to track a target, with separate types ([`BodySettings`]): *detected* targets are found by the
+//! tracker itself, *initialised* ones are tracked by the published cues from a given start, and *boxed* ones are found by another program.
 
+mod boxed;
 mod builder;
 mod camera_agreement;
 mod candidate;
@@ -14,8 +15,10 @@ mod existence;
 mod frame_set;
 mod groups;
 mod ids;
+mod image_box;
 mod initialized;
 mod landmarks;
+mod member;
 mod settings;
 mod shown_colors;
 mod statistics;
@@ -31,8 +34,10 @@ pub use estimate::{BodyMeasurement, Estimate, Member, RadiusEstimate, TrackState
 pub use existence::{ExistenceSettings, OcclusionRates, Region};
 pub use frame_set::FrameSet;
 pub use ids::{CameraId, PlatformId, TargetId};
+pub use image_box::ImageBox;
 pub use settings::{
-    BodySettings, DetectedSettings, InitializedSettings, SizeTolerance, TargetSettings,
+    BodySettings, BoxedSettings, DetectedSettings, DetectorSettings, InitializedSettings,
+    SizeTolerance, TargetSettings,
 };
 pub use target::{Contribution, VISIBLE_NATS};
 
@@ -114,7 +119,7 @@ impl Tracker {
             for (landmark, body) in settings.bodies.iter().enumerate() {
                 let stream = number + (landmark << LANDMARK_BITS);
                 let draws = Draws::new(seed, stream as u32);
-                let mut body = TargetTracker::new(body, draws, &views, level)?;
+                let mut body = TargetTracker::new(body, number, draws, &views, level)?;
                 body.stagger_searches(bodies.len());
                 if settings.is_crowd {
                     body.join_crowd();
@@ -200,7 +205,7 @@ impl Tracker {
     ) -> Result<impl Iterator<Item = Option<BodyMeasurement>>, Error> {
         let bodies = self.bodies_of(target)?.iter();
         Ok(bodies.map(|body| {
-            let mut measurement = body.detected()?.measurement()?;
+            let mut measurement = body.measurement()?;
             let BodyMeasurement {
                 position_m,
                 shared_m2,
@@ -322,11 +327,13 @@ impl Tracker {
         }
         self.carriers.place(&mut self.views, time_s);
         let is_placed = |camera: usize| self.carriers.is_placed(camera);
-        if set.numbered().iter().all(|(camera, _)| is_placed(*camera)) {
+        let frames = set.numbered().iter().map(|(camera, _)| *camera);
+        let mut cameras = frames.chain(set.boxes().iter().map(|boxes| boxes.camera));
+        if cameras.all(is_placed) {
             return None;
         }
         let mut placed = set.clone();
-        placed.retain(|camera, _| is_placed(camera.index()));
+        placed.retain_cameras(is_placed);
         Some(placed)
     }
 
@@ -353,6 +360,7 @@ impl Tracker {
         let instant = Instant {
             views: &self.views,
             frames: set.numbered(),
+            boxes: set.boxes(),
             time_s: set.time_s(),
         };
         let mut is_complete = false;
@@ -378,6 +386,7 @@ impl Tracker {
             let (updated, predicted) = others.around(order);
             let look_alikes = LookAlikes {
                 detected: &|number| others.get(number)?.detected(),
+                filter: &|number| others.get(number)?.filter(),
                 updated,
                 predicted,
             };
@@ -452,6 +461,7 @@ impl Tracker {
         let instant = Instant {
             views: &self.views,
             frames: set.numbered(),
+            boxes: set.boxes(),
             time_s: set.time_s(),
         };
         let mut located = Vec::new();
@@ -472,6 +482,7 @@ impl Tracker {
             let (updated, predicted) = others.around(group.expect("every body belongs to a group"));
             let look_alikes = LookAlikes {
                 detected: &|number| others.get(number)?.detected(),
+                filter: &|number| others.get(number)?.filter(),
                 updated,
                 predicted,
             };
@@ -505,6 +516,15 @@ impl Tracker {
         for (camera, frame) in set.frames() {
             camera.check(self.views.len())?;
             self.views[camera.index()].check(frame)?;
+        }
+        for boxes in set.boxes() {
+            CameraId::new(boxes.camera).check(self.views.len())?;
+            let target = self.target(TargetId::new(boxes.target))?;
+            let is_boxed = |body: &TargetTracker| matches!(body, TargetTracker::Boxed(_));
+            if !self.bodies[target.bodies.clone()].iter().all(is_boxed) {
+                let allowed = "a boxed target: the tracker finds others by itself";
+                return Err(Error::out_of_range("target", boxes.target, allowed));
+            }
         }
         Ok(())
     }

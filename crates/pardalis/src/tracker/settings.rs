@@ -40,8 +40,17 @@ impl TargetSettings {
     /// Returns a crowd: any number of bodies that look alike, of which at most this many are tracked at once. They are found when they appear and forgotten when
     /// they are gone; each is a member with a number of its own ([`Tracker::members`](super::Tracker::members_at)).
     pub fn crowd(body: DetectedSettings, most: usize) -> Self {
+        Self::crowd_of(body.into(), most)
+    }
+
+    /// Returns a crowd of bodies that another program detects; see [`TargetSettings::crowd`].
+    pub fn boxed_crowd(body: BoxedSettings, most: usize) -> Self {
+        Self::crowd_of(body.into(), most)
+    }
+
+    fn crowd_of(body: BodySettings, most: usize) -> Self {
         Self {
-            bodies: vec![body.into(); most],
+            bodies: vec![body; most],
             heading: None,
             is_crowd: true,
         }
@@ -58,7 +67,7 @@ impl<B: Into<BodySettings>> From<B> for TargetSettings {
     }
 }
 
-/// One of the two ways in which a body or landmark is tracked.
+/// One of the ways in which a body or landmark is tracked.
 #[derive(Debug, Clone)]
 #[allow(clippy::large_enum_variant)] // settings are few, and made once
 pub enum BodySettings {
@@ -66,6 +75,8 @@ pub enum BodySettings {
     Detected(DetectedSettings),
     /// The published cues track the target from a given start.
     Initialized(InitializedSettings),
+    /// Another program detects the target, and gives boxes around it.
+    Boxed(BoxedSettings),
 }
 
 impl BodySettings {
@@ -74,6 +85,7 @@ impl BodySettings {
         match self {
             Self::Detected(settings) => &settings.shape,
             Self::Initialized(settings) => &settings.shape,
+            Self::Boxed(settings) => &settings.shape,
         }
     }
 }
@@ -87,6 +99,12 @@ impl From<DetectedSettings> for BodySettings {
 impl From<InitializedSettings> for BodySettings {
     fn from(settings: InitializedSettings) -> Self {
         Self::Initialized(settings)
+    }
+}
+
+impl From<BoxedSettings> for BodySettings {
+    fn from(settings: BoxedSettings) -> Self {
+        Self::Boxed(settings)
     }
 }
 
@@ -230,6 +248,118 @@ impl InitializedSettings {
             filter,
             start,
         }
+    }
+}
+
+/// A body that another program detects: a neural network, for example. Give its boxes with [`FrameSet::with_boxes`](super::FrameSet::with_boxes); images and colours are not needed.
+///
+/// Shapes that are not round do not turn. Neither the size nor the errors of cameras are estimated, and rolling shutters are not taken into account.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct BoxedSettings {
+    /// Its shape, which makes a distance of the size of its box.
+    pub shape: Shape,
+    /// What is known of the detector.
+    pub detector: DetectorSettings,
+    /// Motion model, as in [`DetectedSettings::motion`].
+    pub motion: Motion,
+    /// The number of particles.
+    pub particle_count: usize,
+    /// Rates of appearance, disappearance and occlusion.
+    pub existence: ExistenceSettings,
+    /// The position at first, if it is known.
+    pub start: Option<GaussianStart>,
+}
+
+impl BoxedSettings {
+    /// Returns the default settings for a body of this shape.
+    pub fn new(shape: Shape) -> Self {
+        Self {
+            shape,
+            detector: DetectorSettings::default(),
+            motion: on_ground(ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into(), &shape),
+            particle_count: DetectedSettings::PARTICLE_COUNT,
+            existence: ExistenceSettings::default(),
+            start: None,
+        }
+    }
+}
+
+/// What is known of a detector that gives boxes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct DetectorSettings {
+    /// The probability that it finds a body that nothing hides.
+    pub detection_probability: f64,
+    /// The mean number of boxes per image that are no such body.
+    pub false_per_image: f64,
+    /// The standard deviation of each side of a box as a share of its size, the square root of its area.
+    pub side_sigma: f64,
+    /// The standard deviation of errors of the size that all frames share, as a share of it: of the shape, and of a detector whose boxes are too large or too small.
+    pub size_tolerance: f64,
+    /// Boxes with a lower score are left out.
+    pub min_score: f64,
+}
+
+impl Default for DetectorSettings {
+    /// A usual neural network.
+    fn default() -> Self {
+        Self {
+            detection_probability: 0.9,
+            false_per_image: 0.5,
+            side_sigma: 0.05,
+            size_tolerance: 0.05,
+            min_score: 0.0,
+        }
+    }
+}
+
+impl DetectorSettings {
+    /// Returns an error for settings out of range.
+    pub fn check(&self) -> Result<(), Error> {
+        let check = |name: &str, value: f64, is_allowed: bool, allowed: &str| {
+            if is_allowed {
+                return Ok(());
+            }
+            Err(Error::out_of_range(name, value, allowed))
+        };
+        let Self {
+            detection_probability: detected,
+            false_per_image: clutter,
+            side_sigma: sigma,
+            size_tolerance: tolerance,
+            min_score,
+        } = *self;
+        check(
+            "detection_probability",
+            detected,
+            detected > 0.0 && detected <= 0.999,
+            "above 0 and at most 0.999",
+        )?;
+        check(
+            "false_per_image",
+            clutter,
+            clutter > 0.0 && clutter <= 1e4,
+            "above 0 and at most 10000",
+        )?;
+        check(
+            "side_sigma",
+            sigma,
+            sigma > 0.0 && sigma <= 1.0,
+            "above 0 and at most 1",
+        )?;
+        check(
+            "size_tolerance",
+            tolerance,
+            (0.0..=1.0).contains(&tolerance),
+            "0 to 1",
+        )?;
+        check(
+            "min_score",
+            min_score,
+            (0.0..=1.0).contains(&min_score),
+            "0 to 1",
+        )
     }
 }
 

@@ -67,7 +67,7 @@ impl Target {
         if all().any(|body| !body.track().has_started()) {
             return;
         }
-        for &(camera, _) in set.numbered() {
+        for camera in cameras(bodies, set) {
             let of_bodies = || all().map(|body| body.log_likelihood_ratio(camera));
             let contribution = &mut self.contributions[camera];
             contribution.frames += 1;
@@ -94,4 +94,19 @@ impl Target {
             contribution.log_likelihood_ratio += of_bodies().sum::<f64>();
         }
     }
+}
+
+/// The cameras of a set in which a target with these bodies was searched for.
+fn cameras<'s>(
+    bodies: &[TargetTracker],
+    set: &'s FrameSet,
+) -> impl Iterator<Item = usize> + use<'s> {
+    let number = bodies.first().and_then(TargetTracker::boxed_target);
+    let frames = set.numbered().iter().map(|(camera, _)| *camera);
+    let own = set
+        .boxes()
+        .iter()
+        .filter(move |boxes| number == Some(boxes.target));
+    let frames = frames.filter(move |_| number.is_none());
+    frames.chain(own.map(|boxes| boxes.camera))
 }

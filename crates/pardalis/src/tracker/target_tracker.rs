@@ -1,12 +1,13 @@
-//! The tracker of one body, either detected by the tracker itself or initialised and tracked by the published cues.
+//! The tracker of one body: detected by the tracker itself, initialised and tracked by the published cues, or detected by another program.
 
-use super::Estimate;
+use super::boxed::BoxedTarget;
 use super::candidate::Candidate;
 use super::detected::{DetectedTarget, LookAlikes};
 use super::initialized::InitializedTarget;
 use super::settings::BodySettings;
 use super::statistics::ImageStatistics;
 use super::track::{Instant, Track};
+use super::{BodyMeasurement, Estimate};
 use crate::Frame;
 use crate::start::Start;
 use crate::view::View;
@@ -15,6 +16,7 @@ use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
 use pardalis_filter::Particles;
+use pardalis_filter::bernoulli::BernoulliFilter;
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
 
@@ -24,11 +26,15 @@ pub(super) enum TargetTracker {
     Detected(Box<DetectedTarget>),
     /// Tracks the target with the published cues from a given start.
     Initialized(Box<InitializedTarget>),
+    /// Tracks the target by boxes of another program.
+    Boxed(Box<BoxedTarget>),
 }
 
 impl TargetTracker {
+    /// The tracker of a body of the target with this number.
     pub(super) fn new(
         settings: &BodySettings,
+        target: usize,
         draws: Draws,
         views: &[View],
         level: Level,
@@ -41,6 +47,10 @@ impl TargetTracker {
                 let target = InitializedTarget::new(settings, draws, views, level)?;
                 Self::Initialized(Box::new(target))
             }
+            BodySettings::Boxed(settings) => {
+                let target = BoxedTarget::new(settings, target, draws, views)?;
+                Self::Boxed(Box::new(target))
+            }
         })
     }
 
@@ -49,6 +59,7 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => target.prepare(view, frame),
             Self::Initialized(target) => target.cues.prepare(view, frame),
+            Self::Boxed(_) => {}
         }
     }
 
@@ -57,6 +68,7 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => target.predict(time_s, dt_s),
             Self::Initialized(target) => target.predict(time_s, dt_s),
+            Self::Boxed(target) => target.predict(time_s, dt_s),
         }
     }
 
@@ -70,6 +82,7 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => target.observe(instant, statistics, look_alikes),
             Self::Initialized(target) => target.observe(instant),
+            Self::Boxed(target) => target.observe(instant, look_alikes),
         }
     }
 
@@ -78,6 +91,7 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => target.estimate(ahead_s),
             Self::Initialized(target) => target.estimate(ahead_s),
+            Self::Boxed(target) => target.estimate(ahead_s),
         }
     }
 
@@ -85,6 +99,7 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => &target.track,
             Self::Initialized(target) => &target.track,
+            Self::Boxed(target) => &target.track,
         }
     }
 
@@ -92,6 +107,7 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => &mut target.track,
             Self::Initialized(target) => &mut target.track,
+            Self::Boxed(target) => &mut target.track,
         }
     }
 
@@ -110,6 +126,7 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => target.start().copied().map(Start::Gaussian),
             Self::Initialized(target) => Some(*target.start()),
+            Self::Boxed(target) => target.start().copied().map(Start::Gaussian),
         }
     }
 
@@ -117,6 +134,7 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => target.particles(),
             Self::Initialized(target) => target.particles(),
+            Self::Boxed(target) => target.particles(),
         }
     }
 
@@ -128,7 +146,7 @@ impl TargetTracker {
     /// Reports whether it compares a camera's frame with the previous one ([`View::keep`]).
     pub(super) fn compares_frames(&self) -> bool {
         match self {
-            Self::Detected(_) => false,
+            Self::Detected(_) | Self::Boxed(_) => false,
             Self::Initialized(target) => target.cues.compare_frames(),
         }
     }
@@ -150,14 +168,32 @@ impl TargetTracker {
     pub(super) fn detected(&self) -> Option<&DetectedTarget> {
         match self {
             Self::Detected(target) => Some(target),
+            Self::Initialized(_) | Self::Boxed(_) => None,
+        }
+    }
+
+    /// Returns the number of the target whose boxes it takes.
+    pub(super) fn boxed_target(&self) -> Option<usize> {
+        match self {
+            Self::Boxed(target) => Some(target.target()),
+            Self::Detected(_) | Self::Initialized(_) => None,
+        }
+    }
+
+    /// Returns the filter of a target that may not exist.
+    pub(super) fn filter(&self) -> Option<&BernoulliFilter> {
+        match self {
+            Self::Detected(target) => Some(target.filter()),
+            Self::Boxed(target) => Some(target.filter()),
             Self::Initialized(_) => None,
         }
     }
 
-    /// The same, to change it.
-    pub(super) fn detected_mut(&mut self) -> Option<&mut DetectedTarget> {
+    /// Returns what the latest frames say of the body by themselves.
+    pub(super) fn measurement(&self) -> Option<BodyMeasurement> {
         match self {
-            Self::Detected(target) => Some(target),
+            Self::Detected(target) => target.measurement(),
+            Self::Boxed(target) => target.measurement(),
             Self::Initialized(_) => None,
         }
     }
@@ -169,10 +205,30 @@ impl TargetTracker {
         }
     }
 
-    /// Makes it the place of a member of a crowd. Only detected bodies can be.
+    /// Makes it the place of a member of a crowd. Initialised bodies cannot be.
     pub(super) fn join_crowd(&mut self) {
-        if let Self::Detected(target) = self {
-            target.join_crowd();
+        match self {
+            Self::Detected(target) => target.join_crowd(),
+            Self::Boxed(target) => target.join_crowd(),
+            Self::Initialized(_) => {}
+        }
+    }
+
+    /// Takes what is searched for all members of a crowd from another place of the same crowd.
+    pub(super) fn take_search(&mut self, from: &mut Self) {
+        match (self, from) {
+            (Self::Detected(to), Self::Detected(from)) => to.take_search(from),
+            (Self::Boxed(to), Self::Boxed(from)) => to.take_boxes(from),
+            _ => {}
+        }
+    }
+
+    /// Updates who of a crowd it is after the frames of an instant, given the number of whoever is found next.
+    pub(super) fn update_member(&mut self, next_number: &mut u32, instant: (&[View], f64)) {
+        match self {
+            Self::Detected(target) => target.update_member(next_number, instant),
+            Self::Boxed(target) => target.update_member(next_number, instant),
+            Self::Initialized(_) => {}
         }
     }
 
@@ -185,29 +241,46 @@ impl TargetTracker {
 
     /// Returns the number of the member of a crowd that it is.
     pub(super) fn number(&self) -> Option<u32> {
-        self.detected()?.number()
+        match self {
+            Self::Detected(target) => target.number(),
+            Self::Boxed(target) => target.number(),
+            Self::Initialized(_) => None,
+        }
     }
 
     /// Returns whether it is the place of a member of a crowd, and there is nobody.
     pub(super) fn is_free(&self) -> bool {
-        self.detected().is_some_and(DetectedTarget::is_free)
+        match self {
+            Self::Detected(target) => target.is_free(),
+            Self::Boxed(target) => target.is_free(),
+            Self::Initialized(_) => false,
+        }
     }
 
     /// Returns the confidence by which look-alikes are ordered.
     pub(super) fn rank(&self) -> f64 {
-        self.detected().map_or(0.0, DetectedTarget::confidence)
+        match self {
+            Self::Detected(target) => target.confidence(),
+            Self::Boxed(target) => target.confidence(),
+            Self::Initialized(_) => 0.0,
+        }
     }
 
-    /// Reports whether both are detected targets that cannot be distinguished in images.
+    /// Reports whether both are found by the tracker or by boxes, and cannot be distinguished.
     pub(super) fn looks_like(&self, other: &Self) -> bool {
-        let both = self.detected().zip(other.detected());
-        both.is_some_and(|(target, other)| target.looks_like(other))
+        match (self, other) {
+            (Self::Detected(target), Self::Detected(other)) => target.looks_like(other),
+            (Self::Boxed(target), Self::Boxed(other)) => target.looks_like(other),
+            _ => false,
+        }
     }
 
-    /// Forgets all frames and the start of a detected target.
+    /// Forgets all frames and the start of a target that needs none.
     pub(super) fn reset(&mut self) {
-        if let Self::Detected(target) = self {
-            target.reset();
+        match self {
+            Self::Detected(target) => target.reset(),
+            Self::Boxed(target) => target.reset(),
+            Self::Initialized(_) => {}
         }
     }
 
@@ -216,7 +289,7 @@ impl TargetTracker {
         match start {
             Some(Start::Gaussian(start)) => start.check(),
             Some(Start::Pixel(start)) => super::check_pixel(start, views),
-            None if self.detected().is_some() => Ok(()),
+            None if !matches!(self, Self::Initialized(_)) => Ok(()),
             None => {
                 let allowed = "a position or a pixel for each initialised target";
                 Err(Error::out_of_range("starts", "none", allowed))
@@ -239,6 +312,7 @@ impl TargetTracker {
                 target.locate(instant, start, passes_sigma_m)
             }
             Self::Detected(target) => target.locate(instant, statistics, look_alikes),
+            Self::Boxed(target) => target.locate(instant, look_alikes),
         };
         Estimate {
             kinematics: located.kinematics.map(|known| StateEstimate {
@@ -254,6 +328,7 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => target.log_likelihood_ratio(camera),
             Self::Initialized(target) => target.log_likelihood_ratio(camera),
+            Self::Boxed(target) => target.log_likelihood_ratio(camera),
         }
     }
 }

@@ -2,6 +2,7 @@
 //! pending re-initialisation.
 
 use super::TrackState;
+use super::image_box::CameraBoxes;
 use crate::Frame;
 use crate::view::View;
 use pardalis_filter::gaussian::GaussianStart;
@@ -15,6 +16,8 @@ pub(super) struct Instant<'a> {
     pub(super) views: &'a [View],
     /// Each frame with its camera's number.
     pub(super) frames: &'a [(usize, Frame)],
+    /// What detectors found.
+    pub(super) boxes: &'a [CameraBoxes],
     pub(super) time_s: f64,
 }
 
@@ -53,6 +56,27 @@ impl Track {
 
     pub(super) fn set_state(&mut self, state: TrackState) {
         self.state = state;
+    }
+
+    /// Derives the state of a body that may not exist from the probability that it does and its confidence, given the confidences from which it is found and below which it
+    /// is lost.
+    pub(super) fn decide(
+        &mut self,
+        (existence, confidence): (f64, f64),
+        [found, lost]: [f64; 2],
+        time_s: f64,
+    ) {
+        let was_known = self.is_known();
+        let least = if was_known { lost } else { found };
+        self.state = if existence >= 0.5 && self.is_visible(time_s) && confidence >= least {
+            TrackState::Tracking
+        } else if existence >= 0.5 && was_known && confidence >= lost {
+            TrackState::Occluded
+        } else if was_known || self.state == TrackState::Lost {
+            TrackState::Lost
+        } else {
+            TrackState::Searching
+        };
     }
 
     /// Reports whether there is an estimate in this state.

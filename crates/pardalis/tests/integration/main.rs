@@ -1,5 +1,6 @@
 //! Integration tests of the tracker and its kernels, in one executable.
 
+mod boxed;
 mod challenge;
 mod common;
 mod contradictions;

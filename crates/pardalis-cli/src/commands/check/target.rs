@@ -91,6 +91,7 @@ fn model_of(settings: &BodySettings) -> Option<&ColorModel> {
     match settings {
         BodySettings::Detected(settings) => Some(&settings.colors),
         BodySettings::Initialized(settings) => settings.colors.as_ref(),
+        BodySettings::Boxed(_) => None,
     }
 }
 

@@ -322,7 +322,12 @@ impl DetectedTarget {
 
 /// By how many nats a detection with this log-likelihood ratio against clutter is less likely the target's, given the densities there of clutter, of the target
 /// itself, and of updated and predicted look-alikes.
-fn assigned_nats(likeness: f64, clutter: f64, own: f64, [updated, predicted]: [f64; 2]) -> f64 {
+pub(in crate::tracker) fn assigned_nats(
+    likeness: f64,
+    clutter: f64,
+    own: f64,
+    [updated, predicted]: [f64; 2],
+) -> f64 {
     let ratio = libm::exp(likeness);
     libm::log1p(ratio * updated / clutter)
         + libm::log1p(ratio * predicted / (clutter + ratio * own))

@@ -7,11 +7,14 @@ use nalgebra::Matrix3;
 
 use super::DetectedTarget;
 use crate::shape::Stance;
+use pardalis_filter::bernoulli::BernoulliFilter;
 
 /// The other targets that look like one, in the order in which they look at frames.
 pub(in crate::tracker) struct LookAlikes<'a> {
     /// The detected body of this number; `None` for an initialised one.
     pub(in crate::tracker) detected: &'a dyn Fn(usize) -> Option<&'a DetectedTarget>,
+    /// Its filter, if it has one of existence.
+    pub(in crate::tracker) filter: &'a dyn Fn(usize) -> Option<&'a BernoulliFilter>,
     /// The numbers of those that have been updated with this instant's frames.
     pub(in crate::tracker) updated: &'a [usize],
     /// The numbers of those that are only predicted.
@@ -45,12 +48,15 @@ impl<'a> LookAlikes<'a> {
     }
 
     /// The sum of the densities of updated and of predicted ones at a detection with this covariance, 1/m³ (1/m² on the ground).
-    pub(super) fn densities(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> [f64; 2] {
+    pub(in crate::tracker) fn densities(
+        &self,
+        position_m: [f64; 3],
+        covariance_m2: &Matrix3<f64>,
+    ) -> [f64; 2] {
         [self.updated, self.predicted].map(|numbers| {
-            let densities = self
-                .targets(numbers)
-                .map(|other| other.density(position_m, covariance_m2));
-            densities.sum()
+            let filters = numbers.iter().filter_map(|&number| (self.filter)(number));
+            let density = |filter| density(filter, position_m, covariance_m2);
+            filters.map(density).sum()
         })
     }
 }
@@ -63,6 +69,10 @@ impl DetectedTarget {
 
     /// Its predicted density at a detection with this covariance, times the probability that it exists, in 1/m³ (1/m² on the ground).
     pub(super) fn density(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> f64 {
-        self.filter.located() * self.filter.predicted_density(position_m, covariance_m2)
+        density(&self.filter, position_m, covariance_m2)
     }
+}
+
+fn density(filter: &BernoulliFilter, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> f64 {
+    filter.located() * filter.predicted_density(position_m, covariance_m2)
 }

@@ -21,13 +21,16 @@ mod tests;
 mod update;
 mod visibility;
 
+pub(super) use association::assigned_nats;
 pub(super) use look_alikes::LookAlikes;
+pub(super) use visibility::Visibility;
 
 use nalgebra::Vector3;
 
 use super::camera_agreement::ComparisonSums;
 use super::candidate::{Candidate, Verdict};
 use super::existence::ExistenceSettings;
+use super::member::Member;
 use super::settings::DetectedSettings;
 use super::statistics::ImageStatistics;
 use super::track::{Instant, Track, mean_log_ratio};
@@ -36,7 +39,7 @@ use crate::Frame;
 use crate::color::{ColorModel, PixelKind};
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, EdgeFrameContext, Outlines};
 use crate::shape::Shape;
-use crate::tuning::{AgreementTuning, ExistenceTuning, Tuning};
+use crate::tuning::{AgreementTuning, Tuning};
 use crate::view::View;
 use adaptation::{Adaptation, Certain};
 use agreement::Agreement;
@@ -46,7 +49,6 @@ use detection::{Detector, Outline, Prediction};
 use exposures::Exposures;
 use heading::Heading;
 use measurement::measured_m;
-use member::Member;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
@@ -56,7 +58,6 @@ use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
 use size::Size;
 use update::{Measurement, update};
-use visibility::Visibility;
 
 /// A body that the tracker detects itself.
 pub(super) struct DetectedTarget {
@@ -235,6 +236,10 @@ impl DetectedTarget {
         self.filter.particles()
     }
 
+    pub(super) fn filter(&self) -> &BernoulliFilter {
+        &self.filter
+    }
+
     /// Sets where the other landmarks of the target are, metres.
     pub(super) fn set_other_landmarks(&mut self, others_m: impl Iterator<Item = [f64; 3]>) {
         self.other_landmarks_m.clear();
@@ -360,7 +365,7 @@ impl DetectedTarget {
         }
         self.buffers.frames = emptied(frames);
         let found = target.map(|target| target.detection);
-        self.update_state(time_s);
+        self.decide(time_s);
         if let Some(found) = found {
             self.turn_to(found);
         }
@@ -575,31 +580,11 @@ impl DetectedTarget {
     }
 
     /// Derives the track's state from existence, visibility and confidence.
-    fn update_state(&mut self, time_s: f64) {
-        let existence = self.filter.existence();
-        let is_visible = self.track.is_visible(time_s);
-        let was_known = self.track.is_known();
-        let confidence = self.confidence();
-        let ExistenceTuning {
-            found_confidence,
-            lost_confidence,
-            ..
-        } = self.tuning.existence;
-        let least = if was_known {
-            lost_confidence
-        } else {
-            found_confidence
-        };
-        let state = if existence >= 0.5 && is_visible && confidence >= least {
-            TrackState::Tracking
-        } else if existence >= 0.5 && was_known && confidence >= lost_confidence {
-            TrackState::Occluded
-        } else if was_known || self.track.state() == TrackState::Lost {
-            TrackState::Lost
-        } else {
-            TrackState::Searching
-        };
-        self.track.set_state(state);
+    fn decide(&mut self, time_s: f64) {
+        let tuning = &self.tuning.existence;
+        let least = [tuning.found_confidence, tuning.lost_confidence];
+        let decisive = (self.filter.existence(), self.confidence());
+        self.track.decide(decisive, least, time_s);
     }
 
     /// The probability that the target exists and lies within one diameter of the estimate.

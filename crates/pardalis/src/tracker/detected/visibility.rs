@@ -7,7 +7,7 @@ const OUT_OF_VIEW_LOG_RATIO: f32 = 0.0;
 
 /// The visibility of a target in one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Visibility {
+pub(in crate::tracker) struct Visibility {
     /// The probability that nothing occludes the target.
     visible: f64,
     /// The time for which it holds, in seconds.
@@ -16,7 +16,7 @@ pub(super) struct Visibility {
 
 impl Visibility {
     /// That of a camera without any frame before this time.
-    pub(super) fn new(rates: &OcclusionRates, time_s: f64) -> Self {
+    pub(in crate::tracker) fn new(rates: &OcclusionRates, time_s: f64) -> Self {
         Self {
             visible: rates.stationary(),
             time_s,
@@ -24,7 +24,7 @@ impl Visibility {
     }
 
     /// Predicts to a later time, in seconds.
-    pub(super) fn predict(&mut self, rates: &OcclusionRates, time_s: f64) {
+    pub(in crate::tracker) fn predict(&mut self, rates: &OcclusionRates, time_s: f64) {
         let both_hz = rates.occlusion_hz + rates.reappearance_hz;
         let stationary = rates.stationary();
         let kept = libm::exp(-both_hz * (time_s - self.time_s).max(0.0));
@@ -33,7 +33,7 @@ impl Visibility {
     }
 
     /// The log-likelihood ratio of a frame, given that of the visible target: the frame of an occluded target says nothing.
-    pub(super) fn mixture_log_ratio(&self, log_ratio: f32) -> f32 {
+    pub(in crate::tracker) fn mixture_log_ratio(&self, log_ratio: f32) -> f32 {
         let visible = self.visible as f32;
         let most = log_ratio.max(0.0);
         most + libm::logf(
@@ -53,7 +53,7 @@ impl Visibility {
 
     /// Updates with the log-likelihood ratios and weights of the particles. A partly occluded target, with this visible share of its outline, will probably be
     /// occluded. Returns the probability that the target is visible and in view.
-    pub(super) fn update(
+    pub(in crate::tracker) fn update(
         &mut self,
         log_ratios: &[f32],
         weights: &[f64],
