@@ -4,6 +4,7 @@
 mod arguments;
 mod board;
 mod commands;
+mod detections;
 mod draw;
 mod files;
 mod focal_length;

@@ -20,6 +20,7 @@ use pardalis_scene::{
     VideoInput, VideoPlace,
 };
 
+use crate::detections::{CameraDetections, Detections};
 use crate::named_files;
 use crate::output::{Shown, warn};
 use crate::platforms::PlatformRows;
@@ -47,6 +48,8 @@ pub(crate) struct OpenScene {
     pub(crate) sources: Vec<Source>,
     /// The motion of each platform, in the scene's order.
     pub(crate) platforms: Vec<PlatformRows>,
+    /// What another program detected.
+    pub(crate) detections: Detections,
     /// The tracker, ready for the first frames.
     pub(crate) tracker: Tracker,
 }
@@ -230,6 +233,8 @@ pub(crate) struct Parts {
     pub(crate) views: Vec<Option<View>>,
     /// The motion of its platforms, if their files are right. The world is the frame of those that are left out.
     pub(crate) platforms: Vec<PlatformRows>,
+    /// What another program detected, if the files are right.
+    detections: Detections,
     /// The settings of each body of its targets, if its files are right.
     pub(crate) targets: Vec<Vec<Option<BodySettings>>>,
     /// The problems so far.
@@ -243,6 +248,7 @@ pub(crate) struct Parts {
 impl Parts {
     fn with(scene: Scene, problems: Vec<Problem>) -> Self {
         Self {
+            detections: Detections::of(&scene.targets),
             scene,
             sources: Vec::new(),
             views: Vec::new(),
@@ -282,7 +288,37 @@ impl Parts {
         if stills.is_empty() {
             self.open_platforms(folder);
         }
+        self.read_detections(folder, !stills.is_empty());
         Ok(())
+    }
+
+    /// Reads what another program detected in the images of the scene.
+    fn read_detections(&mut self, folder: &Path, are_others: bool) {
+        for (camera, source) in self.scene.cameras.iter().zip(&self.sources) {
+            // The problem with a source that cannot be opened is known.
+            let (Some(file), Some(source)) = (&camera.detections, source) else {
+                self.detections.push(None);
+                continue;
+            };
+            let path = resolve(folder, &file.value);
+            let targets = &self.scene.targets;
+            let read = if are_others {
+                Err(user_error!(
+                    "is of the scene's images; leave out those on the command line, or remove the targets with a detector"
+                ))
+            } else if source.is_live() {
+                Err(user_error!(
+                    "is of recorded images, and the camera is live; record its video first, or give boxes to the library (FrameSet::with_boxes)"
+                ))
+            } else if self.is_complete {
+                CameraDetections::read(&path, camera, targets, source.frame_count()).map(Some)
+            } else {
+                Ok(None)
+            };
+            let read = read.map_err(|error| file.problem(format!("{error:#}")));
+            let read = read.map_err(|problem| self.problems.push(problem));
+            self.detections.push(read.ok().flatten());
+        }
     }
 
     /// Reads the motion of all platforms. Stills are at no time, and are taken where the platform's frame is the world's.
@@ -442,6 +478,7 @@ impl Parts {
             scene: self.scene,
             sources: self.sources.into_iter().flatten().collect(),
             platforms: self.platforms,
+            detections: self.detections,
             tracker,
         })
     }

@@ -218,6 +218,7 @@ pub(crate) struct Column<'n> {
 /// A CSV file with its header, read completely.
 pub(crate) struct Table {
     path: PathBuf,
+    has_header: bool,
     header: StringRecord,
     records: Vec<StringRecord>,
 }
@@ -225,22 +226,70 @@ pub(crate) struct Table {
 impl Table {
     /// Reads a file with a header and at least one row.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let unreadable = |error: std::io::Error| csv_error(path, &error.into());
-        let kind = std::fs::metadata(path).map_err(unreadable)?.file_type();
-        if is_device(kind) {
+        Self::from_reader(path, open(path)?)
+    }
+
+    /// Reads a file with at least one row. If it begins with a number, it has no header, and its columns are the first ones of these.
+    pub(crate) fn read_with_or_without_header(path: &Path, columns: &[&str]) -> Result<Self> {
+        Self::from_reader_with_or_without_header(path, open(path)?, columns)
+    }
+
+    /// Reads a table from `input` like [`Table::read_with_or_without_header`]. Errors name `path`.
+    pub(crate) fn from_reader_with_or_without_header(
+        path: &Path,
+        input: impl Read,
+        columns: &[&str],
+    ) -> Result<Self> {
+        let mut table = Self::from_reader_of(path, input, false)?;
+        let first = table.records[0].get(0).unwrap_or_default();
+        table.has_header = first.parse::<f64>().is_err();
+        if table.has_header {
+            table.header = table.records.remove(0);
+            return table.checked();
+        }
+        let count = table.header.len();
+        // The shortest such files say where boxes are and how sure that is.
+        if !(6..=columns.len()).contains(&count) {
             return Err(user_error!(
-                "{}: is a device, which may have no end; give a CSV file",
-                path.shown()
+                "{}, line 1: has {count} cells; without a header, needed: {}",
+                path.shown(),
+                columns.join(",")
             ));
         }
-        Self::from_reader(path, Lines::open(path).map_err(unreadable)?)
+        table.header = columns[..count].iter().collect();
+        Ok(table)
     }
 
     /// Reads a table from `input`. Errors name `path`.
     pub(crate) fn from_reader(path: &Path, input: impl Read) -> Result<Self> {
+        Self::from_reader_of(path, input, true)?.checked()
+    }
+
+    /// Reads the rows from `input`, of which the first may be the header.
+    fn from_reader_of(path: &Path, input: impl Read, has_header: bool) -> Result<Self> {
         let failed = |error: csv::Error| csv_error(path, &error);
-        let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(input);
+        let mut reader = ReaderBuilder::new()
+            .trim(Trim::All)
+            .has_headers(has_header)
+            .from_reader(input);
         let header = reader.headers().map_err(failed)?.clone();
+        let records: Vec<StringRecord> =
+            reader.records().collect::<Result<_, _>>().map_err(failed)?;
+        let table = Self {
+            path: path.to_owned(),
+            has_header,
+            header,
+            records,
+        };
+        if table.records.is_empty() && !has_header {
+            return Err(table.has_no_rows());
+        }
+        Ok(table)
+    }
+
+    /// Fails if the header has a fault, or there is nothing below it.
+    fn checked(self) -> Result<Self> {
+        let Self { path, header, .. } = &self;
         let separators = [(';', "semicolons"), ('\t', "tabs")];
         if header.len() == 1
             && let Some((_, name)) = separators.iter().find(|(c, _)| header[0].contains(*c))
@@ -250,8 +299,6 @@ impl Table {
                 path.shown()
             ));
         }
-        let records: Vec<StringRecord> =
-            reader.records().collect::<Result<_, _>>().map_err(failed)?;
         if let Some(twice) = header.iter().enumerate().find_map(|(i, name)| {
             header
                 .iter()
@@ -264,18 +311,22 @@ impl Table {
                 path.shown()
             ));
         }
-        let table = Self {
-            path: path.to_owned(),
-            header,
-            records,
-        };
-        if table.records.is_empty() {
-            return Err(user_error!(
-                "{}: has no rows; needed: a header line and at least one row",
-                path.shown()
-            ));
+        if self.records.is_empty() {
+            return Err(self.has_no_rows());
         }
-        Ok(table)
+        Ok(self)
+    }
+
+    fn has_no_rows(&self) -> anyhow::Error {
+        user_error!(
+            "{}: has no rows; needed: a header line and at least one row",
+            self.path.shown()
+        )
+    }
+
+    /// Returns whether the file has a header.
+    pub(crate) fn has_header(&self) -> bool {
+        self.has_header
     }
 
     /// Returns the names of the columns.
@@ -319,7 +370,10 @@ impl Table {
     }
 
     /// Returns optional columns if all of them exist.
-    fn optional_columns<'n, const N: usize>(&self, names: [&'n str; N]) -> Option<[Column<'n>; N]> {
+    pub(crate) fn optional_columns<'n, const N: usize>(
+        &self,
+        names: [&'n str; N],
+    ) -> Option<[Column<'n>; N]> {
         self.columns(names).ok()
     }
 
@@ -414,7 +468,7 @@ impl Row<'_> {
     }
 
     /// Parses a share from 0 to 1; `None` without the column or if its cell is empty.
-    fn fraction(&self, column: Option<Column<'_>>) -> Result<Option<f64>> {
+    pub(crate) fn fraction(&self, column: Option<Column<'_>>) -> Result<Option<f64>> {
         match (column, self.optional_number(column)?) {
             (Some(column), Some(share)) if !(0.0..=1.0).contains(&share) => {
                 Err(self.misfit(column, "0 to 1"))
@@ -447,6 +501,19 @@ impl Row<'_> {
             column.name
         )
     }
+}
+
+/// Opens a file that may be read as a table.
+fn open(path: &Path) -> Result<impl Read> {
+    let unreadable = |error: std::io::Error| csv_error(path, &error.into());
+    let kind = std::fs::metadata(path).map_err(unreadable)?.file_type();
+    if is_device(kind) {
+        return Err(user_error!(
+            "{}: is a device, which may have no end; give a CSV file",
+            path.shown()
+        ));
+    }
+    Lines::open(path).map_err(unreadable)
 }
 
 #[cfg(unix)]

@@ -8,6 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use pardalis::camera::{Pose, pose_from_matrix};
+use pardalis::tracker::ImageBox;
 use pardalis::{Error, Frame};
 
 /// An image: height x width x 3 bytes, red, green and blue.
@@ -72,6 +73,33 @@ pub(crate) fn rows<const N: usize>(
         .into_iter()
         .map(|row| std::array::from_fn(|i| row[i]))
         .collect())
+}
+
+/// Boxes in rows of left, top, right and bottom side, and a score if there are five columns.
+pub(crate) fn boxes(boxes: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<ImageBox>> {
+    let wanted = "N x 4 numbers, or N x 5 with scores";
+    let boxes: Rows = boxes.extract().map_err(|_| is_no(what, wanted))?;
+    let boxes = boxes.as_array();
+    // An empty list has no columns.
+    if boxes.is_empty() {
+        return Ok(Vec::new());
+    }
+    if !matches!(boxes.ncols(), 4 | 5) {
+        let columns = boxes.ncols();
+        return Err(PyValueError::new_err(format!(
+            "{what} has {columns} columns; allowed: 4, or 5 with scores"
+        )));
+    }
+    let rows = boxes.rows();
+    let found = rows.into_iter().enumerate().map(|(number, row)| {
+        let found = ImageBox::new(std::array::from_fn(|side| row[side]));
+        let found = found.and_then(|found| match row.get(4) {
+            Some(&score) => found.with_score(score),
+            None => Ok(found),
+        });
+        found.map_err(|error| PyValueError::new_err(format!("{what}[{number}]: {error}")))
+    });
+    found.collect()
 }
 
 /// Rows as an array.

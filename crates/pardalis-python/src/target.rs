@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use crate::color::ColorModel;
 use crate::value_error;
 use pardalis::shape::{Flat, Section, Sphere, SphereOutline, Upright, UprightOutline};
-use pardalis::tracker::{DetectedSettings, SizeTolerance, TargetSettings};
+use pardalis::tracker::{BoxedSettings, DetectedSettings, SizeTolerance, TargetSettings};
 
 /// The shape and size of a body. All but balls stand on the ground, or lie at a height above it.
 #[pyclass(frozen, module = "pardalis")]
@@ -80,8 +80,15 @@ impl Shape {
 #[pyclass(frozen, module = "pardalis")]
 #[derive(Debug, Clone)]
 pub(crate) struct Target {
-    settings: DetectedSettings,
+    body: Body,
     most: Option<usize>,
+}
+
+#[derive(Debug, Clone)]
+#[allow(clippy::large_enum_variant)] // settings are few, and made once
+enum Body {
+    Detected(DetectedSettings),
+    Boxed(BoxedSettings),
 }
 
 impl Target {
@@ -89,13 +96,28 @@ impl Target {
         self.most.is_some()
     }
 
+    pub(crate) fn is_boxed(&self) -> bool {
+        matches!(self.body, Body::Boxed(_))
+    }
+
     pub(crate) fn settings(&self) -> TargetSettings {
-        let settings = self.settings.clone();
-        match self.most {
-            Some(most) => TargetSettings::crowd(settings, most),
-            None => settings.into(),
+        match (self.body.clone(), self.most) {
+            (Body::Detected(body), Some(most)) => TargetSettings::crowd(body, most),
+            (Body::Detected(body), None) => body.into(),
+            (Body::Boxed(body), Some(most)) => TargetSettings::boxed_crowd(body, most),
+            (Body::Boxed(body), None) => body.into(),
         }
     }
+}
+
+/// Fails if a target cannot have this many members.
+fn check_most(most: Option<usize>) -> PyResult<()> {
+    if most.is_some_and(|most| !(1..=1000).contains(&most)) {
+        return Err(PyValueError::new_err(
+            "max_count is out of range; allowed: 1 to 1000, or None for one target",
+        ));
+    }
+    Ok(())
 }
 
 #[pymethods]
@@ -120,11 +142,7 @@ impl Target {
         particle_count: usize,
         max_count: Option<usize>,
     ) -> PyResult<Self> {
-        if max_count.is_some_and(|most| !(1..=1000).contains(&most)) {
-            return Err(PyValueError::new_err(
-                "max_count is out of range; allowed: 1 to 1000, or None for one target",
-            ));
-        }
+        check_most(max_count)?;
         if radius_tolerance.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
             return Err(PyValueError::new_err(
                 "radius_tolerance is out of range; allowed: 0 to 1, or None for a radius that is a guess",
@@ -136,12 +154,62 @@ impl Target {
         settings.existence.ground_z_m = ground_z_m;
         settings.particle_count = particle_count;
         Ok(Self {
-            settings,
+            body: Body::Detected(settings),
+            most: max_count,
+        })
+    }
+
+    /// Return a target that another program detects, such as a neural network: pass the boxes that it finds to `Tracker.observe`. Neither colours nor images are needed.
+    ///
+    /// `detection_probability` is how often the detector finds a target that nothing hides, and `false_per_image` the mean number of boxes in an image that are no target.
+    /// `side_sigma` is the standard deviation of each side of a box as a share of the square root of its area, and `size_tolerance` that of errors of the size that all images
+    /// share. Boxes with a score below `min_score` are left out.
+    #[staticmethod]
+    #[pyo3(signature = (
+        shape,
+        *,
+        detection_probability=0.9,
+        false_per_image=0.5,
+        side_sigma=0.05,
+        size_tolerance=0.05,
+        min_score=0.0,
+        ground_z_m=0.0,
+        particle_count=DetectedSettings::PARTICLE_COUNT,
+        max_count=None,
+    ), text_signature = "(shape, *, detection_probability=0.9, false_per_image=0.5, side_sigma=0.05, size_tolerance=0.05, min_score=0.0, ground_z_m=0.0, particle_count=500, max_count=None)")]
+    #[allow(clippy::too_many_arguments)] // by name
+    fn of_boxes(
+        shape: PyRef<Shape>,
+        detection_probability: f64,
+        false_per_image: f64,
+        side_sigma: f64,
+        size_tolerance: f64,
+        min_score: f64,
+        ground_z_m: f64,
+        particle_count: usize,
+        max_count: Option<usize>,
+    ) -> PyResult<Self> {
+        check_most(max_count)?;
+        let mut settings = BoxedSettings::new(shape.0);
+        settings.detector.detection_probability = detection_probability;
+        settings.detector.false_per_image = false_per_image;
+        settings.detector.side_sigma = side_sigma;
+        settings.detector.size_tolerance = size_tolerance;
+        settings.detector.min_score = min_score;
+        settings.detector.check().map_err(value_error)?;
+        settings.existence.ground_z_m = ground_z_m;
+        settings.particle_count = particle_count;
+        Ok(Self {
+            body: Body::Boxed(settings),
             most: max_count,
         })
     }
 
     fn __repr__(&self) -> String {
-        format!("<Target {:.4} m across>", self.settings.shape.diameter_m())
+        let shape = match &self.body {
+            Body::Detected(body) => &body.shape,
+            Body::Boxed(body) => &body.shape,
+        };
+        format!("<Target {:.4} m across>", shape.diameter_m())
     }
 }

@@ -23,6 +23,8 @@ pub(crate) struct Tracker {
     targets: Vec<String>,
     /// Whether each target is a crowd.
     are_crowds: Vec<bool>,
+    /// Whether each target is detected by another program.
+    are_boxed: Vec<bool>,
 }
 
 /// The position of a name in a list; what is called such is named in the error.
@@ -66,7 +68,7 @@ impl Tracker {
         let mut setup = pardalis::Tracker::builder();
         setup.seed(seed);
         let (mut camera_names, mut target_names) = (Vec::new(), Vec::new());
-        let mut are_crowds = Vec::new();
+        let (mut are_crowds, mut are_boxed) = (Vec::new(), Vec::new());
         for (name, camera) in cameras {
             camera_names.push(name.extract()?);
             let camera = camera
@@ -81,19 +83,30 @@ impl Tracker {
                 .map_err(|_| is_no("targets", &name, "Target"))?;
             setup.target(target.get().settings());
             are_crowds.push(target.get().is_crowd());
+            are_boxed.push(target.get().is_boxed());
         }
         Ok(Self {
             tracker: setup.build().map_err(value_error)?,
             cameras: camera_names,
             targets: target_names,
             are_crowds,
+            are_boxed,
         })
     }
 
     /// Observe the images (height x width x 3 bytes) of one camera or several, by name, that were taken at the same time in seconds.
     ///
-    /// Each time must be later than the one before. Without images, targets are only predicted.
-    fn observe(&mut self, py: Python<'_>, images: &Bound<'_, PyDict>, time_s: f64) -> PyResult<()> {
+    /// Each time must be later than the one before. Without images, targets are only predicted. `boxes` are what another program detected in the images of this time, by camera and
+    /// then by target, of targets of `Target.of_boxes`: rows of left, top, right, bottom and, if there is one, score (N x 4 or N x 5). Pixel centres have integer coordinates.
+    /// No rows say that nothing was found; cameras that are left out were not looked at. A camera with boxes needs no image.
+    #[pyo3(signature = (images, time_s, boxes=None))]
+    fn observe(
+        &mut self,
+        py: Python<'_>,
+        images: &Bound<'_, PyDict>,
+        time_s: f64,
+        boxes: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
         let mut frames = Vec::with_capacity(images.len());
         for (name, image) in images {
             let name: String = name.extract()?;
@@ -107,7 +120,26 @@ impl Tracker {
         } else {
             FrameSet::new(frames)
         };
-        let set = set.map_err(value_error)?;
+        let mut set = set.map_err(value_error)?;
+        for (name, of_camera) in boxes.into_iter().flatten() {
+            let of_camera = of_camera
+                .cast::<PyDict>()
+                .map_err(|_| is_no("boxes", &name, "dictionary of targets"))?;
+            let name: String = name.extract()?;
+            let camera = CameraId::new(position(&self.cameras, "camera", &name)?);
+            for (target, found) in of_camera {
+                let target_name: String = target.extract()?;
+                let target = self.target_id(&target_name)?;
+                if !self.are_boxed[target.index()] {
+                    return Err(PyValueError::new_err(format!(
+                        "\"{target_name}\" is found in the images; pass boxes of targets of Target.of_boxes"
+                    )));
+                }
+                let what = format!("boxes[\"{name}\"][\"{target_name}\"]");
+                let found = arrays::boxes(&found, &what)?;
+                set = set.with_boxes(camera, target, found).map_err(value_error)?;
+            }
+        }
         match py.detach(|| self.tracker.observe(&set)) {
             Ok(Observed::Used) => Ok(()),
             Ok(Observed::Repeated) => Err(PyValueError::new_err(format!(

@@ -49,6 +49,8 @@ pub struct CameraConfig {
     pub line_delay_s: f64,
     /// The frames that are read.
     pub frames: FrameRange,
+    /// The file with what another program detected in its images.
+    pub detections: Option<Located<String>>,
     /// Its model. Until a rectangle is found in its images, the model of [`Plane::image`].
     pub camera: Camera,
     /// The rectangle in its images that determines its model, if the scene uses one.
@@ -174,6 +176,10 @@ impl CameraConfig {
                 .depends("all frames")
                 .optional(),
         };
+        let detections = table
+            .key("detections", "File of boxes that another program detected in the camera's images, for targets with a `detector`. Relative to this file.")
+            .depends("none")
+            .located();
         let platform = read_platform(&table, platforms);
         let optics = read_optics(&name, &table, read_calibration);
         let mask = table
@@ -217,6 +223,7 @@ impl CameraConfig {
             time_offset_s,
             line_delay_s,
             frames,
+            detections,
             camera: optics.camera,
             rectangle: optics.rectangle,
             size_px: optics.size_px,

@@ -8,6 +8,7 @@ mod camera;
 mod camera_names;
 mod crossing;
 pub mod description;
+mod detector;
 pub mod experiment;
 mod guesses;
 mod journal;
@@ -33,6 +34,7 @@ mod world;
 
 pub use camera::{CameraConfig, FrameRange, Input, MaskCircle, ReadCalibration};
 pub use crossing::CrossingConfig;
+pub use detector::DetectorConfig;
 pub use journal::{Located, Problem};
 pub use offsets::with_time_offsets;
 pub use plane::RectangleConfig;
@@ -193,6 +195,9 @@ impl Scene {
             .filter_map(|(name, table)| TargetConfig::read(name, table, &names))
             .collect();
         check_crowds(table, &targets);
+        if cameras.len() == names.all.len() {
+            check_detections(table, &cameras, &targets);
+        }
         warn_of_line_delays(table, &cameras, &targets);
         let max_delay_s = timing::read_max_delay_s(table, names.all.len());
         Self {
@@ -222,6 +227,32 @@ fn check_platforms(root: &Table, platforms: &[String], cameras: &[CameraConfig])
     }
 }
 
+/// Reports detectors whose detections are in no file, and the other way round.
+fn check_detections(root: &Table, cameras: &[CameraConfig], targets: &[TargetConfig]) {
+    let mut boxed = targets
+        .iter()
+        .filter(|target| target.bodies.iter().any(|body| body.class().is_some()));
+    let mut with_file = cameras.iter().filter(|camera| camera.detections.is_some());
+    match (boxed.next(), with_file.next()) {
+        (Some(target), None) => {
+            let message = format!(
+                "{} has a detector, and no camera has its detections; give detections = \"FILE.csv\" in the tables of cameras",
+                target.name
+            );
+            root.problem("targets", message);
+        }
+        // Targets with problems are left out; one of them may be it.
+        (None, Some(camera)) if !targets.is_empty() => {
+            let message = format!(
+                "{} has detections, and no target has a detector; add [targets.NAME.detector], or remove detections",
+                camera.name
+            );
+            root.problem("cameras", message);
+        }
+        _ => {}
+    }
+}
+
 /// Reports targets that have the name of a member of a crowd.
 fn check_crowds(root: &Table, targets: &[TargetConfig]) {
     for crowd in targets.iter().filter(|target| target.crowd.is_some()) {
@@ -244,6 +275,7 @@ fn check_crowds(root: &Table, targets: &[TargetConfig]) {
             let file =
                 |colors: &Option<Located<String>>| colors.as_ref().map(|file| file.value.clone());
             other.name != crowd.name
+                && body.class() == own.class()
                 && body.shape == own.shape
                 && file(&body.colors) == file(&own.colors)
         };
@@ -261,17 +293,16 @@ fn check_crowds(root: &Table, targets: &[TargetConfig]) {
 
 /// Warns of targets for which the rolling shutters of cameras are not taken into account.
 fn warn_of_line_delays(root: &Table, cameras: &[CameraConfig], targets: &[TargetConfig]) {
-    let is_initialized =
-        |body: &BodyConfig| matches!(body.tracking, TrackingConfig::Initialized { .. });
-    let mut initialized = targets
+    let is_other = |body: &BodyConfig| !matches!(body.tracking, TrackingConfig::Detected { .. });
+    let mut others = targets
         .iter()
-        .filter(|target| target.bodies.iter().any(is_initialized));
+        .filter(|target| target.bodies.iter().any(is_other));
     if cameras.iter().all(|camera| camera.line_delay_s == 0.0) {
         return;
     }
-    if let Some(target) = initialized.next() {
+    if let Some(target) = others.next() {
         let message = format!(
-            "line_delay_s has no effect on targets.{}, which has a start or published cues. Only detected targets use it: remove these",
+            "line_delay_s has no effect on targets.{}, which has a start, published cues or a detector. Only targets with the edge cue use it: remove these",
             target.name,
         );
         root.warn("cameras", message);

@@ -4,6 +4,7 @@ use super::appearance::{CuesConfig, read_cues};
 use super::camera_names::CameraNames;
 use super::crossing::{CrossingConfig, read_crossing};
 use super::description::{Presence, above};
+use super::detector::{DetectorConfig, read_detector};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
 use super::setting::Word;
@@ -14,11 +15,12 @@ use pardalis::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
 use pardalis::tracker::{
-    BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings, Region, SizeTolerance,
-    TargetSettings,
+    BodySettings, BoxedSettings, DetectedSettings, ExistenceSettings, InitializedSettings, Region,
+    SizeTolerance, TargetSettings,
 };
 use pardalis_core::Error;
 use pardalis_filter::bernoulli::check_motion;
+use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
 use pardalis_filter::particle_filter::{FilterSettings, MAX_PARTICLES};
 use pardalis_filter::resample::Resampling;
@@ -66,7 +68,7 @@ pub struct BodyConfig {
     pub tracking: TrackingConfig,
 }
 
-/// One of the two ways to track a body.
+/// One of the ways to track a body.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TrackingConfig {
     /// The tracker detects the target itself.
@@ -91,6 +93,19 @@ pub enum TrackingConfig {
         /// The start of its particles, with its position in the scene file.
         start: Located<StartConfig>,
     },
+    /// Another program detects it.
+    Boxed {
+        /// The detector.
+        detector: DetectorConfig,
+        /// Its motion model.
+        motion: Motion,
+        /// The number of particles.
+        particle_count: usize,
+        /// How it appears, disappears and becomes occluded.
+        existence: ExistenceSettings,
+        /// Its initial position, if known, with its position in the scene file.
+        start: Option<Located<StartConfig>>,
+    },
 }
 
 /// The settings that the bodies of a target share, before their starts are read.
@@ -105,7 +120,24 @@ enum Shared {
         cues: Vec<CueSettings>,
         filter: Option<FilterSettings>,
     },
+    Boxed {
+        detector: Option<DetectorConfig>,
+        motion: Option<Motion>,
+        particle_count: usize,
+        existence: Option<ExistenceSettings>,
+    },
 }
+
+/// What replaces the tracker's own cues if the target has a detector, and colours and landmarks with them.
+const WITHOUT_DETECTOR: [&str; 7] = [
+    "contour",
+    "window",
+    "region",
+    "difference",
+    "edge",
+    "colors",
+    "landmarks",
+];
 
 impl TargetConfig {
     /// Reads one target. Returns `None` after reporting a problem to the journal.
@@ -134,9 +166,19 @@ impl TargetConfig {
         let has_start =
             table.has("start") || landmarks.iter().any(|(_, landmark)| landmark.has("start"));
         let cues = read_cues(&table, typical.as_ref(), &cameras.all, has_start);
-        let shared = read_shared(&table, typical.as_ref(), cues);
+        let detector = read_detector(&table);
+        let shared = if table.has("detector") && !table.is_describing() {
+            for key in WITHOUT_DETECTOR {
+                if table.knows(key) {
+                    table.conflict(key, "detector");
+                }
+            }
+            Some(read_boxed(&table, typical.as_ref(), detector))
+        } else {
+            read_shared(&table, typical.as_ref(), cues)
+        };
         let motion = match &shared {
-            Some(Shared::Detected { motion, .. }) => *motion,
+            Some(Shared::Detected { motion, .. } | Shared::Boxed { motion, .. }) => *motion,
             Some(Shared::Initialized { filter, .. }) => filter.map(|filter| filter.motion),
             None => None,
         };
@@ -153,7 +195,7 @@ impl TargetConfig {
             }
             let colors = table
                 .key("colors", "Colour model of the target, made by `pardalis learn`. Relative to this file.")
-                .depends("unless the target has only the difference cue, or the window cue with `hue_deg`")
+                .depends("unless the target has a detector, only the difference cue, or the window cue with `hue_deg`")
                 .located_conditional();
             // Invalid cues report their own problems.
             let needs_colors = shared.as_ref().is_some_and(Shared::needs_colors);
@@ -231,8 +273,14 @@ impl TargetConfig {
 
     /// Returns its settings, given those of its bodies.
     pub fn settings(&self, bodies: Vec<BodySettings>) -> TargetSettings {
-        if let ([BodySettings::Detected(body)], Some(most)) = (&bodies[..], self.crowd) {
-            return TargetSettings::crowd(body.clone(), most);
+        match (&bodies[..], self.crowd) {
+            ([BodySettings::Detected(body)], Some(most)) => {
+                return TargetSettings::crowd(body.clone(), most);
+            }
+            ([BodySettings::Boxed(body)], Some(most)) => {
+                return TargetSettings::boxed_crowd(body.clone(), most);
+            }
+            _ => {}
         }
         let mut settings = TargetSettings::of_landmarks(bodies);
         settings.heading = self.heading;
@@ -247,10 +295,16 @@ fn check_crossing(table: &Table, has_landmarks: bool, shared: Option<&Shared>) {
         Some(Shared::Initialized { .. }) => {
             "is given, but the published cues, which a start selects, measure no single positions; remove them and the start, or add edge = {}, or remove this"
         }
-        Some(Shared::Detected {
-            motion: Some(motion),
-            ..
-        }) if motion.is_planar() => {
+        Some(
+            Shared::Detected {
+                motion: Some(motion),
+                ..
+            }
+            | Shared::Boxed {
+                motion: Some(motion),
+                ..
+            },
+        ) if motion.is_planar() => {
             "is given, but the target stays on the ground; give a motion in space, or remove this"
         }
         _ => return,
@@ -306,7 +360,9 @@ impl BodyConfig {
     /// Returns its start, if the scene states one.
     pub fn start(&self) -> Option<&Located<StartConfig>> {
         match &self.tracking {
-            TrackingConfig::Detected { start, .. } => start.as_ref(),
+            TrackingConfig::Detected { start, .. } | TrackingConfig::Boxed { start, .. } => {
+                start.as_ref()
+            }
             TrackingConfig::Initialized { start, .. } => Some(start),
         }
     }
@@ -314,7 +370,7 @@ impl BodyConfig {
     /// Returns the published cues; empty if the tracker detects the body itself.
     pub fn cues(&self) -> &[CueSettings] {
         match &self.tracking {
-            TrackingConfig::Detected { .. } => &[],
+            TrackingConfig::Detected { .. } | TrackingConfig::Boxed { .. } => &[],
             TrackingConfig::Initialized { cues, .. } => cues,
         }
     }
@@ -322,7 +378,9 @@ impl BodyConfig {
     /// Returns its motion model.
     pub fn motion(&self) -> &Motion {
         match &self.tracking {
-            TrackingConfig::Detected { motion, .. } => motion,
+            TrackingConfig::Detected { motion, .. } | TrackingConfig::Boxed { motion, .. } => {
+                motion
+            }
             TrackingConfig::Initialized { filter, .. } => &filter.motion,
         }
     }
@@ -330,8 +388,19 @@ impl BodyConfig {
     /// Returns the number of its particles.
     pub fn particle_count(&self) -> usize {
         match &self.tracking {
-            TrackingConfig::Detected { particle_count, .. } => *particle_count,
+            TrackingConfig::Detected { particle_count, .. }
+            | TrackingConfig::Boxed { particle_count, .. } => *particle_count,
             TrackingConfig::Initialized { filter, .. } => filter.particle_count,
+        }
+    }
+
+    /// Returns the class of its boxes, if another program detects it.
+    pub fn class(&self) -> Option<&str> {
+        match &self.tracking {
+            TrackingConfig::Boxed { detector, .. } => {
+                Some(detector.class.as_deref().unwrap_or(&self.name))
+            }
+            _ => None,
         }
     }
 
@@ -355,14 +424,7 @@ impl BodyConfig {
                 existence,
                 ..
             } => {
-                let start = match start {
-                    Some(Start::Gaussian(start)) => Some(start),
-                    Some(Start::Pixel(_)) => {
-                        let allowed = "none or a position for detected targets";
-                        return Err(Error::out_of_range("start", "a pixel", allowed));
-                    }
-                    None => None,
-                };
+                let start = position_of(start)?;
                 let no_colors = || missing("the edge cue's colour model", "learn one");
                 let colors = colors.ok_or_else(no_colors)?;
                 let mut settings = DetectedSettings::new(self.shape, colors);
@@ -383,6 +445,21 @@ impl BodyConfig {
                 settings.filter = *filter;
                 Ok(settings.into())
             }
+            TrackingConfig::Boxed {
+                detector,
+                motion,
+                particle_count,
+                existence,
+                ..
+            } => {
+                let mut settings = BoxedSettings::new(self.shape);
+                settings.detector = detector.settings;
+                settings.motion = *motion;
+                settings.particle_count = *particle_count;
+                settings.existence = *existence;
+                settings.start = position_of(start)?;
+                Ok(settings.into())
+            }
         }
     }
 
@@ -395,10 +472,25 @@ impl BodyConfig {
     }
 }
 
+/// Returns the start of a target that is searched for.
+///
+/// Errors: it is a pixel.
+fn position_of(start: Option<Start>) -> Result<Option<GaussianStart>, Error> {
+    match start {
+        Some(Start::Gaussian(start)) => Ok(Some(start)),
+        Some(Start::Pixel(_)) => {
+            let allowed = "none or a position for detected targets";
+            Err(Error::out_of_range("start", "a pixel", allowed))
+        }
+        None => Ok(None),
+    }
+}
+
 impl Shared {
     fn needs_colors(&self) -> bool {
         match self {
             Self::Detected { .. } => true,
+            Self::Boxed { .. } => false,
             Self::Initialized { cues, .. } => {
                 cues.iter().any(|cue| !cue.cue.works_without_color_model())
             }
@@ -407,7 +499,7 @@ impl Shared {
 
     fn needs_flat_shape(&self) -> bool {
         match self {
-            Self::Detected { .. } => false,
+            Self::Detected { .. } | Self::Boxed { .. } => false,
             Self::Initialized { cues, .. } => cues.iter().any(|cue| cue.cue.needs_flat_shape()),
         }
     }
@@ -419,6 +511,18 @@ impl Shared {
             Self::Initialized { .. } if is_unknown => {
                 let message = "has radius_m = \"unknown\", but the published cues need the size; give the radius, or replace them by edge, which estimates it";
                 table.problem("shape", message);
+            }
+            Self::Boxed { .. } if is_unknown => {
+                let message = "has radius_m = \"unknown\", but boxes do not determine the size; give the radius, and detector.size_tolerance if it is a guess";
+                table.problem("shape", message);
+            }
+            Self::Boxed { .. } if config.gives_tolerance => {
+                let message = "has radius_tolerance, which has no effect on a target with a detector; give detector.size_tolerance";
+                table.warn("shape", message);
+            }
+            Self::Boxed { .. } if config.turns == Some(true) => {
+                let message = "has turns = true, which has no effect on a target with a detector: boxes do not show which way it is turned";
+                table.warn("shape", message);
             }
             Self::Initialized { .. } if config.gives_tolerance => {
                 let message = "has radius_tolerance, which has no effect on the published cues; they take the radius as exact";
@@ -457,6 +561,21 @@ impl Shared {
                     start: start.ok()?,
                 })
             }
+            Self::Boxed {
+                detector,
+                motion,
+                particle_count,
+                existence,
+            } => {
+                let start = read_detected_start(table, name, cameras);
+                Some(TrackingConfig::Boxed {
+                    detector: detector.clone()?,
+                    motion: (*motion)?,
+                    particle_count: *particle_count,
+                    existence: (*existence)?,
+                    start: start.ok()?,
+                })
+            }
             Self::Initialized { cues, filter } => {
                 let start = read_start(table, name, cameras);
                 Some(TrackingConfig::Initialized {
@@ -478,22 +597,12 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
         return None;
     }
     match cues {
-        Some(CuesConfig::Edge(edge)) => {
-            let motion = read_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS);
-            let motion = motion.filter(|motion| match check_motion(motion) {
-                Ok(()) => true,
-                Err(error) => {
-                    table.problem("motion", error.to_string());
-                    false
-                }
-            });
-            Some(Shared::Detected {
-                edge,
-                motion,
-                particle_count: read_detected_particles(table),
-                existence: read_existence(table),
-            })
-        }
+        Some(CuesConfig::Edge(edge)) => Some(Shared::Detected {
+            edge,
+            motion: read_detected_motion(table, shape),
+            particle_count: read_detected_particles(table),
+            existence: read_existence(table),
+        }),
         Some(CuesConfig::Published(cues)) => {
             if table.knows("existence") {
                 let message = "needs the edge cue: the published cues track a target that always exists; remove it, or replace them by edge";
@@ -513,6 +622,28 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
     }
 }
 
+/// Reads the settings of a target with this detector.
+fn read_boxed(table: &Table, shape: Option<&Shape>, detector: Option<DetectorConfig>) -> Shared {
+    Shared::Boxed {
+        detector,
+        motion: read_detected_motion(table, shape),
+        particle_count: read_detected_particles(table),
+        existence: read_existence(table),
+    }
+}
+
+/// Reads the motion of a target that is searched for.
+fn read_detected_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
+    let motion = read_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS);
+    motion.filter(|motion| match check_motion(motion) {
+        Ok(()) => true,
+        Err(error) => {
+            table.problem("motion", error.to_string());
+            false
+        }
+    })
+}
+
 /// Reads the optional start of a detected body. After an error, the journal contains the problem.
 fn read_detected_start(
     table: &Table,
@@ -524,7 +655,7 @@ fn read_detected_start(
     }
     let start = read_start(table, name, cameras).ok_or(())?;
     if let StartConfig::Here(Start::Pixel(_)) = start.value {
-        let message = "is a pixel, but the edge cue detects the target itself; remove start, or give start.gaussian or start.track";
+        let message = "is a pixel, but the target is searched for; remove start, or give start.gaussian or start.track";
         table.problem("start", message);
         return Err(());
     }
@@ -555,7 +686,7 @@ fn read_region(existence: &Table) -> Option<Region> {
 /// Reads how a detected target appears, disappears and becomes occluded.
 fn read_existence(table: &Table) -> Option<ExistenceSettings> {
     let default = ExistenceSettings::default();
-    let about = "How often the target appears, disappears and is occluded. Only for targets with the edge cue.";
+    let about = "How often the target appears, disappears and is occluded. Only for targets with the edge cue or a detector.";
     let settings = table.section("existence", about, |existence| {
         let rate = |name, about, default| {
             let key = existence.key(name, about).within(0.0..=1000.0);
@@ -643,7 +774,7 @@ fn read_particles(filter: &Table, default: usize) -> usize {
     filter
         .key("particles", "Number of particles.")
         .within(1.0..=MAX_PARTICLES as f64)
-        .depends("2000; 500 for a target with the edge cue")
+        .depends("2000; 500 for a target with the edge cue or a detector")
         .or(default)
 }
 

@@ -44,7 +44,7 @@ impl Reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 27] = {
+pub const READERS: [Reader; 28] = {
     const fn reader(name: &'static str, check: fn(&[u8]) -> bool) -> Reader {
         Reader { name, check }
     }
@@ -69,6 +69,7 @@ pub const READERS: [Reader; 27] = {
         reader("starts", tables::starts),
         reader("poses", tables::poses),
         reader("odometry", tables::odometry),
+        reader("detections", tables::detections),
         reader("times", source::times),
         reader("png", images::png),
         reader("jpeg", images::jpeg),

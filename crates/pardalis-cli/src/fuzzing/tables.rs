@@ -6,6 +6,7 @@ use anyhow::Result;
 
 use crate::commands::calibrate::observations::{Columns, read_table};
 use crate::commands::devices::formats::{best, formats_in};
+use crate::detections;
 use crate::fuzzed_file::{FILE, check_error};
 use crate::platforms;
 use crate::tables::{Series, Table, tracks_of, truth_of};
@@ -109,6 +110,30 @@ pub(super) fn poses(bytes: &[u8]) -> bool {
 
 pub(super) fn odometry(bytes: &[u8]) -> bool {
     motion(bytes, true)
+}
+
+pub(super) fn detections(bytes: &[u8]) -> bool {
+    let table =
+        Table::from_reader_with_or_without_header(Path::new(FILE), bytes, &detections::MOT_COLUMNS);
+    match table.and_then(|table| detections::boxes_in(&table)) {
+        Ok(found) => {
+            assert!(!found.is_empty());
+            for one in found {
+                let [left, top, right, bottom] = one.found.sides_px();
+                assert!(left < right && top < bottom && are_finite(Some(one.found.sides_px())));
+                assert!(
+                    one.found
+                        .score()
+                        .is_none_or(|score| (0.0..=1.0).contains(&score))
+                );
+            }
+            true
+        }
+        Err(error) => {
+            check_error(&error);
+            false
+        }
+    }
 }
 
 /// Reads the columns of `locate --starts`, of `locate --clicks` and of `calibrate plane --points`.

@@ -4,6 +4,8 @@
 use pardalis::{CameraId, Error, Frame};
 use serde::Serialize;
 
+use crate::detections::Detections;
+
 /// Frames closer in time than this form one set, in seconds: triggered cameras whose time stamps were rounded.
 const SAME_INSTANT_S: f64 = 1e-6;
 
@@ -32,20 +34,28 @@ pub(crate) struct FrameSet {
     pub(crate) time_s: f64,
     /// Each frame with its camera's index, in ascending order.
     pub(crate) frames: Vec<(usize, Frame)>,
+    /// The number of each among all frames of its camera.
+    numbers: Vec<usize>,
     /// The cameras among them whose image is, byte for byte, the previous one.
     frozen: Vec<usize>,
 }
 
 impl FrameSet {
-    /// Returns all frames, for the tracker.
-    pub(crate) fn whole(&self) -> Result<pardalis::FrameSet, Error> {
+    /// Returns all frames, for the tracker, with what was detected in them.
+    pub(crate) fn whole(&self, detections: &Detections) -> Result<pardalis::FrameSet, Error> {
         let frames = self.frames.iter().cloned();
-        pardalis::FrameSet::new(frames.map(|(camera, frame)| (CameraId::new(camera), frame)))
+        let frames = frames.map(|(camera, frame)| (CameraId::new(camera), frame));
+        let cameras = self.frames.iter().map(|(camera, _)| *camera);
+        let images = cameras.zip(self.numbers.iter().copied());
+        detections.add(pardalis::FrameSet::new(frames)?, images)
     }
 
-    /// Returns the frames without frozen images, which carry no new information; the time is unchanged.
-    pub(crate) fn without_frozen(&self) -> Result<pardalis::FrameSet, Error> {
-        let mut set = self.whole()?;
+    /// Returns the frames, with what was detected in them, without frozen images, which carry no new information; the time is unchanged.
+    pub(crate) fn without_frozen(
+        &self,
+        detections: &Detections,
+    ) -> Result<pardalis::FrameSet, Error> {
+        let mut set = self.whole(detections)?;
         set.retain(|camera, _| !self.frozen.contains(&camera.index()));
         Ok(set)
     }
@@ -260,6 +270,7 @@ impl Merge {
             },
             time_s: first_s,
             frames: Vec::new(),
+            numbers: Vec::new(),
             frozen: Vec::new(),
         };
         for held in members {
@@ -287,6 +298,7 @@ impl Merge {
             }
             set.time_s = set.time_s.max(time_s);
             set.frames.push((held.camera, held.frame));
+            set.numbers.push(held.number);
         }
         self.set_count += 1;
         self.last_set = Some(LastSet {

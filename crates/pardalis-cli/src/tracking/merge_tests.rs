@@ -133,7 +133,7 @@ fn a_repeated_image_is_frozen() {
     let fresh: Vec<Vec<usize>> = sets
         .iter()
         .map(|set| {
-            set.without_frozen()
+            set.without_frozen(&Detections::default())
                 .unwrap()
                 .frames()
                 .map(|(camera, _)| camera.index())

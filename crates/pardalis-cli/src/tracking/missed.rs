@@ -14,6 +14,8 @@ const REPORTED_RANGES: usize = 6;
 
 /// Counts, for each target, the frames in which it was searching or lost, by what ruled out a candidate in them.
 pub(crate) struct MissedFrames {
+    /// Whether another program detects each target.
+    are_boxed: Vec<bool>,
     /// One count per verdict, in the order of [`Verdict::ALL`].
     targets: Vec<[usize; Verdict::ALL.len()]>,
     ranges: Vec<Ranges>,
@@ -67,6 +69,7 @@ impl MissedFrames {
     /// Counts those of these targets; of a crowd, the frames without any member.
     pub(crate) fn of(targets: &[TargetConfig]) -> Self {
         Self {
+            are_boxed: targets.iter().map(is_boxed).collect(),
             targets: vec![[0; Verdict::ALL.len()]; targets.len()],
             ranges: vec![Ranges::default(); targets.len()],
         }
@@ -90,17 +93,23 @@ impl MissedFrames {
         let mut reasons: Vec<_> = self.by_reason(target).collect();
         // Of two equally frequent ones that which came nearer.
         reasons.sort_by_key(|&reason| std::cmp::Reverse((reason.1, reason.0)));
+        let is_boxed = self.are_boxed[target];
         let line = |&(reason, frames): &(Verdict, usize)| {
             format!(
                 "in {frames} of these {missed} frames, {} ({}): {}",
-                what(reason),
+                what(reason, is_boxed),
                 reason.name(),
-                remedy(reason)
+                remedy(reason, is_boxed)
             )
         };
         let reasons = reasons.iter().take(REPORTED_REASONS).map(line);
         [frames].into_iter().chain(reasons).collect()
     }
+}
+
+/// Returns whether another program detects a target.
+pub(crate) fn is_boxed(target: &TargetConfig) -> bool {
+    target.bodies.iter().any(|body| body.class().is_some())
 }
 
 /// Returns whether there is an estimate in a state.
@@ -146,40 +155,48 @@ pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict
     Ok(Verdict::ALL.into_iter().rev().filter(ruled_out).collect())
 }
 
-/// Says what ruled out a candidate, as a clause.
-pub(crate) fn what(verdict: Verdict) -> &'static str {
+/// Says what ruled out a candidate, as a clause; of a target that another program detects if it `is_boxed`.
+pub(crate) fn what(verdict: Verdict, is_boxed: bool) -> String {
+    let area = if is_boxed {
+        "the box"
+    } else {
+        "the area in its colours"
+    };
     match verdict {
-        Verdict::NoColors => "nothing in the image has its colours",
-        Verdict::Surplus => "too many things have its colours",
-        Verdict::OutOfView => {
-            "the area in its colours is cut off by the image border, the mask or the domain of the camera model"
-        }
-        Verdict::OffGround => "the area in its colours is not on the ground",
+        Verdict::NoColors => "nothing in the image has its colours".to_owned(),
+        Verdict::Surplus => "too many things have its colours".to_owned(),
+        Verdict::OutOfView => format!(
+            "{area} is cut off by the image border, the mask or the domain of the camera model"
+        ),
+        Verdict::OffGround => format!("{area} is not on the ground"),
         Verdict::TooNear => {
-            "the area in its colours is so large that the target would touch the camera"
+            format!("{area} is so large that the target would touch the camera")
         }
         Verdict::TooFar => {
-            "the area in its colours is so small that the target would be too far away"
+            format!("{area} is so small that the target would be too far away")
         }
         Verdict::NoEdges => {
-            "the area in its colours has no edges to which its outline could be fitted"
+            format!("{area} has no edges to which its outline could be fitted")
         }
-        Verdict::Covered => "too little of the outline shows its colours",
-        Verdict::OtherOutline => "the area in its colours has another outline",
-        Verdict::OtherColor => "the area with its outline has another mean colour",
-        Verdict::OutsideRegion => "the likeliest candidate is outside existence.region",
+        Verdict::Covered => "too little of the outline shows its colours".to_owned(),
+        Verdict::OtherOutline => format!("{area} has another outline"),
+        Verdict::OtherColor => "the area with its outline has another mean colour".to_owned(),
+        Verdict::OutsideRegion => "the likeliest candidate is outside existence.region".to_owned(),
         Verdict::Stray => {
-            "the likeliest candidate for a landmark is too far from the other landmarks"
+            "the likeliest candidate for a landmark is too far from the other landmarks".to_owned()
         }
-        Verdict::LookAlike => "the likeliest candidate is another target",
-        Verdict::Rival => "several candidates look like it",
-        _ => "the likeliest candidate is not certain enough",
+        Verdict::LookAlike => "the likeliest candidate is another target".to_owned(),
+        Verdict::Rival => "several candidates look like it".to_owned(),
+        _ => "the likeliest candidate is not certain enough".to_owned(),
     }
 }
 
 /// Says what to do if a verdict is wrong.
-fn remedy(verdict: Verdict) -> &'static str {
+fn remedy(verdict: Verdict, is_boxed: bool) -> &'static str {
     match verdict {
+        Verdict::OtherOutline if is_boxed => {
+            "check the shape, and whether the boxes are in pixels of these images"
+        }
         Verdict::NoColors | Verdict::OtherColor => {
             "learn the colours from images of this camera in this light"
         }
@@ -197,6 +214,7 @@ fn remedy(verdict: Verdict) -> &'static str {
         Verdict::LookAlike | Verdict::Rival => {
             "give the scene one target for each object, or count = \"any\""
         }
+        _ if is_boxed => "check detector.false_per_image and the scores",
         _ => "give more frames, or learn from more images",
     }
 }

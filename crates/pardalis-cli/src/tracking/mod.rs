@@ -25,6 +25,7 @@ use pardalis_scene::{BodyConfig, Scene, TargetConfig};
 use serde::Serialize;
 
 use crate::arguments::Threads;
+use crate::detections::Detections;
 use crate::draw::plots::TRACK_PLOTS;
 use crate::files::refuse_links;
 use crate::interrupt;
@@ -200,9 +201,11 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
 
 /// Tracks like [`run`] a scene that has been read from the file of that name.
 pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> Result<Run> {
-    let open = scene::open(scene_path, scene, options.seed, &[])?;
+    let mut open = scene::open(scene_path, scene, options.seed, &[])?;
     let targets = open.scene.targets.clone();
-    let mut step = |tracker: &mut Tracker, set: &FrameSet| observe(tracker, &targets, set);
+    let detections = std::mem::take(&mut open.detections);
+    let mut step =
+        |tracker: &mut Tracker, set: &FrameSet| observe(tracker, &targets, set, &detections);
     run_steps(scene_path, open, options, &mut step)
 }
 
@@ -211,9 +214,10 @@ fn observe(
     tracker: &mut Tracker,
     targets: &[TargetConfig],
     set: &FrameSet,
+    detections: &Detections,
 ) -> Result<Vec<Tracked>> {
     let mut observe = || -> Result<Vec<Tracked>, pardalis_core::Error> {
-        tracker.observe(&set.without_frozen()?)?;
+        tracker.observe(&set.without_frozen(detections)?)?;
         Tracked::all(tracker, targets, set.time_s)
     };
     observe().map_err(|error| user_error!("frame {}: {error}", set.index))

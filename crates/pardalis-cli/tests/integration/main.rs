@@ -11,6 +11,7 @@ mod common;
 mod crossing;
 mod crowd;
 mod demo;
+mod detections;
 mod devices;
 mod evaluate;
 mod explain;

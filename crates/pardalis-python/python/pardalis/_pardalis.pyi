@@ -102,6 +102,19 @@ class Target:
         particle_count: int = 500,
         max_count: int | None = None,
     ) -> Target: ...
+    @staticmethod
+    def of_boxes(
+        shape: Shape,
+        *,
+        detection_probability: float = 0.9,
+        false_per_image: float = 0.5,
+        side_sigma: float = 0.05,
+        size_tolerance: float = 0.05,
+        min_score: float = 0.0,
+        ground_z_m: float = 0.0,
+        particle_count: int = 500,
+        max_count: int | None = None,
+    ) -> Target: ...
 
 @final
 class Estimate:
@@ -137,7 +150,12 @@ class Tracker:
         *,
         seed: int = 1,
     ) -> Tracker: ...
-    def observe(self, images: Mapping[str, NDArray[np.uint8]], time_s: float) -> None: ...
+    def observe(
+        self,
+        images: Mapping[str, NDArray[np.uint8]],
+        time_s: float,
+        boxes: Mapping[str, Mapping[str, ArrayLike]] | None = None,
+    ) -> None: ...
     def estimate(self, target: str, time_s: float | None = None) -> Estimate: ...
     def members(self, target: str, time_s: float | None = None) -> list[Estimate]: ...
     @property

@@ -240,7 +240,7 @@ fn replaced_values_override_the_text_and_are_checked_alike() {
     assert_eq!(ball.particle_count(), 77);
     let resampling = |body: &BodyConfig| match &body.tracking {
         TrackingConfig::Initialized { filter, .. } => filter.resampling,
-        TrackingConfig::Detected { .. } => panic!("{body:?}"),
+        TrackingConfig::Detected { .. } | TrackingConfig::Boxed { .. } => panic!("{body:?}"),
     };
     assert_eq!(resampling(ball), resampling(plain_ball));
     assert_ne!(ball.start(), plain_ball.start());

@@ -1,4 +1,4 @@
-//! Candidates: what the tracker examined in the latest frames of a detected target, and what ruled each out.
+//! Candidates: what the tracker examined in the latest frames of a target that it searches for, and what ruled each out.
 
 use super::CameraId;
 use crate::detect::Blob;
@@ -37,6 +37,8 @@ pub enum Origin {
     Circle(CameraId, Blob),
     /// Something that moves in front of a camera at rest may be a streak of the target's colours.
     Motion(CameraId, Blob),
+    /// Another program's detector found a box around it, given as the blob that fills it.
+    Box(CameraId, Blob),
     /// The rays of blobs in two cameras meet there.
     Rays,
     /// The target was predicted there.
@@ -51,6 +53,7 @@ impl Origin {
             Self::Blob(..) => "blob",
             Self::Circle(..) => "circle",
             Self::Motion(..) => "motion",
+            Self::Box(..) => "box",
             Self::Rays => "rays",
             Self::Prediction => "prediction",
         }
@@ -62,7 +65,8 @@ impl Origin {
             Self::Image(camera)
             | Self::Blob(camera, _)
             | Self::Circle(camera, _)
-            | Self::Motion(camera, _) => Some(*camera),
+            | Self::Motion(camera, _)
+            | Self::Box(camera, _) => Some(*camera),
             Self::Rays | Self::Prediction => None,
         }
     }
@@ -70,7 +74,10 @@ impl Origin {
     /// Returns the blob from which the candidate came.
     pub fn blob(&self) -> Option<&Blob> {
         match self {
-            Self::Blob(_, blob) | Self::Circle(_, blob) | Self::Motion(_, blob) => Some(blob),
+            Self::Blob(_, blob)
+            | Self::Circle(_, blob)
+            | Self::Motion(_, blob)
+            | Self::Box(_, blob) => Some(blob),
             _ => None,
         }
     }

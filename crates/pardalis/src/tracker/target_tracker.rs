@@ -140,7 +140,11 @@ impl TargetTracker {
 
     /// Returns what was examined in the latest frames; nothing for an initialised target, which is not searched for.
     pub(super) fn candidates(&self) -> &[Candidate] {
-        self.detected().map_or(&[], DetectedTarget::candidates)
+        match self {
+            Self::Detected(target) => target.candidates(),
+            Self::Boxed(target) => target.candidates(),
+            Self::Initialized(_) => &[],
+        }
     }
 
     /// Reports whether it compares a camera's frame with the previous one ([`View::keep`]).
@@ -234,8 +238,10 @@ impl TargetTracker {
 
     /// Forgets what was examined in earlier frames.
     pub(super) fn forget_candidates(&mut self) {
-        if let Self::Detected(target) = self {
-            target.forget_candidates();
+        match self {
+            Self::Detected(target) => target.forget_candidates(),
+            Self::Boxed(target) => target.forget_candidates(),
+            Self::Initialized(_) => {}
         }
     }
 

@@ -53,7 +53,8 @@ pub(super) fn measure(
     for set in sets_of(firsts) {
         let watch = Stopwatch::start();
         platforms::tell(&mut open.platforms, &mut open.tracker, set.time_s)?;
-        pool.install(|| open.tracker.observe(&set.without_frozen()?))?;
+        let frames = set.without_frozen(&open.detections)?;
+        pool.install(|| open.tracker.observe(&frames))?;
         times_s.push(watch.elapsed_s());
         let now = all_found(&open.tracker, set.time_s)?;
         if found.is_empty() {

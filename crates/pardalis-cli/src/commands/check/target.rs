@@ -214,7 +214,7 @@ pub(super) fn outcome(
         }
         (None, Some(reason)) => format!(
             "  not found in the first frames: {} ({})",
-            missed::what(*reason),
+            missed::what(*reason, missed::is_boxed(target)),
             reason.name()
         ),
         (None, None) => "  not found in the first frames".to_owned(),

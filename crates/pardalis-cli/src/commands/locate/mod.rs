@@ -191,7 +191,8 @@ pub(crate) fn locate(
     } else {
         FrameRange::ALL
     };
-    let open = scene::open(scene_path, scene, options.seed, &settings.stills)?;
+    let mut open = scene::open(scene_path, scene, options.seed, &settings.stills)?;
+    let detections = std::mem::take(&mut open.detections);
     // Before results of an earlier run are touched.
     for frame in starts.frames(&open, range, !settings.stills.is_empty()) {
         starts.check(&open.tracker, frame)?;
@@ -201,7 +202,7 @@ pub(crate) fn locate(
         let frame = range.first + range.step * set.index;
         let starts_here = starts.of_frame(tracker, frame)?;
         let located = set
-            .whole()
+            .whole(&detections)
             .and_then(|set| tracker.locate(&set, &starts_here, &settings.passes_m));
         let estimates =
             located.map_err(|error| user_error!("{}: {error}", starts.source_of_frame(frame)))?;
@@ -221,6 +222,7 @@ pub(crate) fn locate(
             let far = estimate.kinematics.and_then(|found| {
                 starts.far_from(tracker, (number, target), frame, found.position_m)
             });
+            let reason = (reason, missed::is_boxed(target));
             let line = line(estimate, reason, seen(tracker, target, estimate));
             let far = far.map(|far| format!("; {far}")).unwrap_or_default();
             let _ = writeln!(report, "frame {}: {} {line}{far}", set.index, name);
@@ -257,7 +259,11 @@ fn seen(tracker: &Tracker, target: &TargetConfig, estimate: &Estimate) -> Option
 }
 
 /// Says where a target is in one image, or what ruled out the candidate that came nearest to it if there is one.
-fn line(estimate: &Estimate, reason: Option<Verdict>, seen: Option<Sight>) -> String {
+fn line(
+    estimate: &Estimate,
+    (reason, is_boxed): (Option<Verdict>, bool),
+    seen: Option<Sight>,
+) -> String {
     match (&estimate.kinematics, reason) {
         (Some(found), _) => {
             let [x, y, z] = found.position_m.map(|c| fixed(c, 3));
@@ -277,8 +283,13 @@ fn line(estimate: &Estimate, reason: Option<Verdict>, seen: Option<Sight>) -> St
             line
         }
         (None, Some(reason)) => {
-            format!("not found: {} ({})", missed::what(reason), reason.name())
+            format!(
+                "not found: {} ({})",
+                missed::what(reason, is_boxed),
+                reason.name()
+            )
         }
+        (None, None) if is_boxed => "not found: no box in the image".to_owned(),
         (None, None) => {
             let state = estimate.state.name();
             format!("not visible around the start ({state})")

@@ -28,7 +28,7 @@ fn detected(settings: &str) -> DetectedSettings {
     let colors = ColorModel::from_text(colors).unwrap();
     match body.settings(Some(colors), start).unwrap() {
         BodySettings::Detected(settings) => settings,
-        BodySettings::Initialized(settings) => panic!("{settings:?}"),
+        other => panic!("{other:?}"),
     }
 }
 
@@ -74,6 +74,89 @@ fn targets_that_cannot_be_a_crowd_are_rejected_by_key() {
         let problems = without_start(settings).unwrap_err();
         let named = problems.iter().any(|problem| problem.contains(expected));
         assert!(named, "{settings}: {problems:?}");
+    }
+}
+
+/// A scene with these settings of its camera and of its ball.
+fn with_detector(camera: &str, ball: &str) -> Result<Scene, Vec<String>> {
+    parsed(&format!(
+        "[cameras.cam1]\nimages = \"frames\"\nfps = 25\n{camera}\n\
+         model.equidistant = {{ f_px_per_rad = 145.56, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }}\n\
+         world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]\n\
+         [targets.ball]\nshape.sphere.radius_m = 0.11\n{ball}\n"
+    ))
+}
+
+/// The camera's file.
+const BOXES: &str = "detections = \"boxes.csv\"";
+
+#[test]
+fn a_target_with_a_detector_needs_no_colors() {
+    let scene = with_detector(
+        BOXES,
+        "detector = { side_sigma = 0.1, min_score = 0.25 }\nexistence.ground_z_m = 0.1",
+    );
+    let scene = scene.unwrap();
+    let body = &scene.targets[0].bodies[0];
+    assert_eq!((body.class(), body.cues().len()), (Some("ball"), 0));
+    assert_eq!(
+        scene.cameras[0].detections.as_ref().unwrap().value,
+        "boxes.csv"
+    );
+    let BodySettings::Boxed(settings) = body.settings(None, None).unwrap() else {
+        panic!("{body:?}")
+    };
+    assert_eq!(
+        (settings.detector.side_sigma, settings.detector.min_score),
+        (0.1, 0.25)
+    );
+    assert_eq!(settings.detector.false_per_image, 0.5);
+    assert_eq!(settings.existence.ground_z_m, 0.1);
+    let crowd = "detector.class = \"sports ball\"\ncount = \"any\"";
+    let named = with_detector(BOXES, crowd).unwrap();
+    assert_eq!(named.targets[0].bodies[0].class(), Some("sports ball"));
+    let bodies = vec![named.targets[0].bodies[0].settings(None, None).unwrap()];
+    assert_eq!(named.targets[0].settings(bodies).bodies.len(), 50);
+}
+
+#[test]
+fn detectors_without_files_and_with_other_cues_are_rejected_by_key() {
+    for (camera, ball, expected) in [
+        (
+            "",
+            "detector = {}",
+            "targets: ball has a detector, and no camera has its detections",
+        ),
+        (
+            BOXES,
+            "colors = \"b.toml\"",
+            "cameras: cam1 has detections, and no target has a detector",
+        ),
+        (
+            BOXES,
+            "detector = {}\ncolors = \"b.toml\"",
+            "targets.ball.colors: ",
+        ),
+        (BOXES, "detector = {}\nedge = {}", "targets.ball.edge: "),
+        (
+            BOXES,
+            "detector.side_sigma = 0",
+            "targets.ball.detector.side_sigma: ",
+        ),
+        (
+            BOXES,
+            "detector.detection_probability = 1",
+            "targets.ball.detector.detection_probability: ",
+        ),
+        (
+            BOXES,
+            "detector.sigma = 0.1",
+            "targets.ball.detector.sigma: is not a key",
+        ),
+    ] {
+        let problems = with_detector(camera, ball).unwrap_err();
+        let named = problems.iter().any(|problem| problem.contains(expected));
+        assert!(named, "{camera} {ball}: {problems:?}");
     }
 }
 

@@ -14,13 +14,14 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::candidate::{Candidate, Origin, Verdict};
 use super::detected::{LookAlikes, Visibility, assigned_nats};
 use super::existence::ExistenceSettings;
 use super::image_box::CameraBoxes;
 use super::member::{Change, Known, LEAST_EXISTENCE, Member};
 use super::settings::{BoxedSettings, DetectorSettings};
 use super::track::{Instant, Track, mean_log_ratio};
-use super::{BodyMeasurement, Estimate, TrackState};
+use super::{BodyMeasurement, CameraId, Estimate, TrackState};
 use crate::tuning::ExistenceTuning;
 use crate::view::View;
 use body_box::BodyBox;
@@ -40,6 +41,8 @@ const MEETING_DIAMETERS: f64 = 1.0;
 const MEETING_SQUARES: f64 = 12.0;
 /// Who may be new to a crowd, but less likely than this, is nobody in a frame without a box. Hand-set: one box among clutter is less, two in a row are more.
 const DOUBTFUL_EXISTENCE: f64 = 0.9;
+/// A box that is less likely a body's by this because of others is theirs, nats. Hand-set.
+const TAKEN_NATS: f64 = 3.0;
 /// Bodies appear only where their box is at least this large, pixels. Hand-set: detectors find nothing smaller.
 const LEAST_PX: f64 = 8.0;
 /// Neighbouring frames share this part of the variance of boxes. Hand-set: a detector's errors vary little as long as what it sees does.
@@ -67,6 +70,8 @@ pub(super) struct BoxedTarget {
     /// How far an error of the size moves it, metres.
     drift_m: Vector3<f64>,
     member: Option<Member>,
+    /// What became of each box of the latest frames.
+    candidates: Vec<Candidate>,
     buffers: Buffers,
 }
 
@@ -81,6 +86,8 @@ struct Buffers {
     meetings: Vec<Meeting>,
     /// The numbers of boxes, those of each meeting after those of the one before.
     met: Vec<usize>,
+    /// The numbers of the body's own boxes.
+    own: Vec<usize>,
     components: Vec<MeasurementComponent>,
 }
 
@@ -139,6 +146,7 @@ impl BoxedTarget {
             found: None,
             drift_m: Vector3::zeros(),
             member: None,
+            candidates: Vec::new(),
             buffers: Buffers::default(),
         })
     }
@@ -182,10 +190,12 @@ impl BoxedTarget {
     /// Updates what was predicted with the boxes of one instant.
     pub(super) fn observe(&mut self, instant: &Instant, look_alikes: &LookAlikes) {
         self.found = None;
+        self.candidates.clear();
         let own = |boxes: &&CameraBoxes| boxes.target == self.target;
         if instant.boxes.iter().any(|boxes| own(&boxes)) {
             self.see(instant);
             self.assign(look_alikes);
+            self.judge(instant.views);
             self.propose(instant.views);
             self.update(instant);
             self.find(instant.views);
@@ -196,6 +206,7 @@ impl BoxedTarget {
         let least = [tuning.found_confidence, tuning.lost_confidence];
         self.track
             .decide((self.filter.existence(), confidence), least, instant.time_s);
+        self.conclude();
         let is_lost = was_known && self.track.state() == TrackState::Lost;
         if is_lost && self.member.is_none() {
             // It is found as at first. Among particles that are everywhere, none may be where it is.
@@ -260,26 +271,72 @@ impl BoxedTarget {
         }
     }
 
+    /// Notes what speaks against each box.
+    fn judge(&mut self, views: &[View]) {
+        for sight in &self.buffers.sights {
+            let origin = Origin::Box(CameraId::new(sight.camera), sight.blob());
+            let verdict = match &sight.fit {
+                None if self.body.ground_z_m.is_some() => Verdict::OffGround,
+                None => Verdict::TooFar,
+                Some(fit) if fit.squares > 4.0 * MEETING_SQUARES => Verdict::OtherOutline,
+                Some(fit) if !self.existence.region.contains(fit.position_m.into()) => {
+                    Verdict::OutsideRegion
+                }
+                Some(_) if sight.assigned() > TAKEN_NATS => Verdict::LookAlike,
+                Some(fit) if !self.is_possible(views, sight, fit) => Verdict::TooFar,
+                Some(_) => Verdict::Unconfirmed,
+            };
+            let mut candidate = Candidate::new(origin, verdict);
+            candidate.position_m = sight.fit.map(|fit| fit.position_m.into());
+            self.candidates.push(candidate);
+        }
+    }
+
+    /// Notes which boxes are the body's, once it is tracked. Others against which nothing speaks are its rivals.
+    fn conclude(&mut self) {
+        let is_tracking = self.track.state() == TrackState::Tracking;
+        for (number, candidate) in self.candidates.iter_mut().enumerate() {
+            if is_tracking && self.buffers.own.contains(&number) {
+                candidate.verdict = Verdict::Target;
+            } else if is_tracking && candidate.verdict == Verdict::Unconfirmed {
+                candidate.verdict = Verdict::Rival;
+            }
+        }
+    }
+
+    /// What became of each box of the latest frames.
+    pub(super) fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    pub(super) fn forget_candidates(&mut self) {
+        self.candidates.clear();
+    }
+
+    /// Whether a body may appear where a box puts it, or is expected there.
+    fn is_possible(&self, views: &[View], sight: &Sight, fit: &Fit) -> bool {
+        let from_m = views[sight.camera].world_from_camera().translation.vector;
+        (fit.position_m - from_m).norm() < self.reach_m || {
+            let place_m = fit.position_m.into();
+            let density = self.filter.predicted_density(place_m, &fit.covariance_m2);
+            self.filter.located() * density > self.birth_density
+        }
+    }
+
     /// Proposes the positions that boxes measure, alone and together, if a body may appear there or is expected.
     fn propose(&mut self, views: &[View]) {
+        let mut components = std::mem::take(&mut self.buffers.components);
         let Buffers {
             sights,
             meetings,
             met,
-            components,
             ..
-        } = &mut self.buffers;
+        } = &self.buffers;
         components.clear();
-        let is_possible = |sight: &Sight, fit: &Fit| {
-            let from_m = views[sight.camera].world_from_camera().translation.vector;
-            (fit.position_m - from_m).norm() < self.reach_m || {
-                let place_m = fit.position_m.into();
-                let density = self.filter.predicted_density(place_m, &fit.covariance_m2);
-                self.filter.located() * density > self.birth_density
-            }
-        };
         let alone = sights.iter().filter_map(|sight| {
-            let fit = sight.fit.filter(|fit| is_possible(sight, fit))?;
+            let fit = sight
+                .fit
+                .filter(|fit| self.is_possible(views, sight, fit))?;
             let log_weight = sight.log_peak(fit.squares) + self.body.log_volume(&fit.covariance_m2);
             Some(component(&fit, log_weight))
         });
@@ -302,15 +359,15 @@ impl BoxedTarget {
                         .predicted_density(component.position_m, &covariance_m2);
                 component.log_weight + libm::log(density + self.birth_density)
             };
-            let all = self.buffers.components.iter().map(likeliness).enumerate();
+            let all = components.iter().map(likeliness).enumerate();
             // Of two equal ones the first.
             let best = all.reduce(|best, next| if next.1 > best.1 { next } else { best });
-            let components = &mut self.buffers.components;
             if let Some((best, _)) = best {
                 components.swap(0, best);
                 components.truncate(1);
             }
         }
+        self.buffers.components = components;
     }
 
     /// Updates existence and position.
@@ -381,11 +438,11 @@ impl BoxedTarget {
 
     /// Finds the boxes that are the body's, and where they put it.
     fn find(&mut self, views: &[View]) {
+        let Buffers { sights, own, .. } = &mut self.buffers;
+        own.clear();
         let Some(known) = self.filter.estimate(0.0) else {
             return;
         };
-        let Buffers { sights, met, .. } = &mut self.buffers;
-        let first = met.len();
         for (camera, view) in views.iter().enumerate() {
             let outline = self.body.outline.sides_px(view, known.position_m, 1.0);
             let Some(outline) = outline.map(|sides| clipped(sides, view.size())) else {
@@ -399,15 +456,14 @@ impl BoxedTarget {
             let likely = of_camera.map(|number| (number, likeness(number)));
             let likely = likely.filter(|(_, ratio)| *ratio > 1.0);
             let best = likely.reduce(|best, next| if next.1 > best.1 { next } else { best });
-            met.extend(best.map(|(number, _)| number));
+            own.extend(best.map(|(number, _)| number));
         }
-        let own = met[first..].iter().map(|number| &sights[*number]);
-        let fit = if own.len() > 0 {
-            self.body.fit(views, own, known.position_m.into())
-        } else {
+        let fit = if own.is_empty() {
             None
+        } else {
+            let own = own.iter().map(|number| &sights[*number]);
+            self.body.fit(views, own, known.position_m.into())
         };
-        met.truncate(first);
         if let Some(fit) = fit {
             self.drift_m = fit.drift_m;
         }
@@ -495,6 +551,7 @@ impl BoxedTarget {
         self.drift_m = Vector3::zeros();
         self.start = None;
         self.buffers.time_s = None;
+        self.candidates.clear();
         if let Some(member) = &mut self.member {
             *member = Member::default();
             self.set_births(

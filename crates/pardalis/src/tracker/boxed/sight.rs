@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
+use crate::detect::Blob;
 use crate::tracker::image_box::ImageBox;
 use crate::tracker::settings::DetectorSettings;
 use crate::view::View;
@@ -139,6 +140,27 @@ impl Sight {
             pose * Point3::from(ray.origin),
             pose * Vector3::from(ray.direction),
         ))
+    }
+
+    /// Returns the blob that fills the box.
+    pub(super) fn blob(&self) -> Blob {
+        let [u0, v0, u1, v1] = self.sides_px;
+        let [width, height] = [u1 - u0, v1 - v0];
+        let pixel = |at: [f64; 2]| at.map(|v| v.round().max(0.0) as usize);
+        Blob {
+            centroid_px: [0.5 * (u0 + u1), 0.5 * (v0 + v1)],
+            area_px: width * height,
+            min_px: pixel([u0 + 0.5, v0 + 0.5]),
+            max_px: pixel([u1 - 0.5, v1 - 0.5]),
+            // Of a uniform density.
+            covariance_px2: [width * width / 12.0, 0.0, height * height / 12.0],
+            cut_off: self.is_cut.contains(&true),
+        }
+    }
+
+    /// By how many nats the box is less likely this body's because it may be another's.
+    pub(super) fn assigned(&self) -> f64 {
+        self.assigned
     }
 
     /// The size of a box, pixels: of this one and those compared with it. A side that the image's border cuts off does not count.

@@ -1,0 +1,314 @@
+//! What another program detected in the images of a scene's cameras, read from files.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use anyhow::Result;
+use pardalis::tracker::ImageBox;
+use pardalis::{CameraId, FrameSet, TargetId};
+use pardalis_scene::{CameraConfig, FrameRange, TargetConfig};
+
+use crate::numbers::counted;
+use crate::output::Shown;
+use crate::tables::{Row, Table};
+use crate::user_error::user_error;
+
+/// The names of the columns of the MOT Challenge's files, which have no header.
+pub(crate) const MOT_COLUMNS: [&str; 10] = [
+    "frame", "id", "left", "top", "width", "height", "score", "x", "y", "z",
+];
+
+/// The columns of files with a header.
+const COLUMNS: &str = "frame,left_px,top_px,right_px,bottom_px or frame,u_px,v_px,radius_px, and optionally class and score";
+
+/// What was detected in the images of all cameras of a scene.
+#[derive(Debug, Default)]
+pub(crate) struct Detections {
+    /// One per camera; `None` of a camera without a file.
+    cameras: Vec<Option<CameraDetections>>,
+    /// The targets that are detected.
+    targets: Vec<TargetId>,
+}
+
+/// What was detected in the images of one camera.
+#[derive(Debug)]
+pub(crate) struct CameraDetections {
+    /// The frames of its recording that are read.
+    frames: FrameRange,
+    /// By the number of the frame in the recording.
+    boxes: HashMap<usize, Vec<(TargetId, ImageBox)>>,
+}
+
+/// One box of a file.
+pub(crate) struct Found {
+    /// The number of its frame in the recording, from 0.
+    frame: usize,
+    /// `None` if the file has no classes.
+    class: Option<String>,
+    pub(crate) found: ImageBox,
+    line: u64,
+}
+
+impl Detections {
+    /// No detections of cameras yet, for these targets.
+    pub(crate) fn of(targets: &[TargetConfig]) -> Self {
+        let numbered = targets.iter().enumerate();
+        let detected = numbered.filter(|(_, target)| class_of(target).is_some());
+        Self {
+            cameras: Vec::new(),
+            targets: detected.map(|(number, _)| TargetId::new(number)).collect(),
+        }
+    }
+
+    /// Adds those of the next camera.
+    pub(crate) fn push(&mut self, camera: Option<CameraDetections>) {
+        self.cameras.push(camera);
+    }
+
+    /// Adds what was detected in the images of a set, of which each camera's is the one with this number among those that it has delivered.
+    pub(crate) fn add(
+        &self,
+        mut set: FrameSet,
+        images: impl Iterator<Item = (usize, usize)>,
+    ) -> Result<FrameSet, pardalis::Error> {
+        for (camera, number) in images {
+            let Some(Some(detections)) = self.cameras.get(camera) else {
+                continue;
+            };
+            let frame = detections.frames.first + number * detections.frames.step;
+            let found = detections.boxes.get(&frame).map_or(&[][..], Vec::as_slice);
+            for &target in &self.targets {
+                let own = found.iter().filter(|(of, _)| *of == target);
+                let own = own.map(|(_, found)| *found).collect();
+                set = set.with_boxes(CameraId::new(camera), target, own)?;
+            }
+        }
+        Ok(set)
+    }
+}
+
+/// The class of the boxes of a target that another program detects.
+fn class_of(target: &TargetConfig) -> Option<&str> {
+    target.bodies.first()?.class()
+}
+
+impl CameraDetections {
+    /// Reads the file of a camera that has this number of frames, if that is known.
+    pub(crate) fn read(
+        path: &Path,
+        camera: &CameraConfig,
+        targets: &[TargetConfig],
+        frame_count: Option<usize>,
+    ) -> Result<Self> {
+        let all = boxes_in(&Table::read_with_or_without_header(path, &MOT_COLUMNS)?)?;
+        let last = all.iter().max_by_key(|found| found.frame);
+        let range = camera.frames;
+        if let (Some(last), Some(count), true) = (last, frame_count, range == FrameRange::ALL)
+            && last.frame >= count
+        {
+            return Err(user_error!(
+                "{}, line {}: frame {}, but the camera has {}, which count from 0; give the file of these images",
+                path.shown(),
+                last.line,
+                last.frame,
+                counted(count as u64, "image")
+            ));
+        }
+        let classes: Vec<(TargetId, &str)> = targets
+            .iter()
+            .enumerate()
+            .filter_map(|(number, target)| Some((TargetId::new(number), class_of(target)?)))
+            .collect();
+        let mut boxes: HashMap<usize, Vec<(TargetId, ImageBox)>> = HashMap::new();
+        let mut used = 0;
+        for found in &all {
+            let targets = classes
+                .iter()
+                .filter(|(_, class)| found.class.as_ref().is_none_or(|of_box| of_box == class));
+            for (target, _) in targets {
+                boxes
+                    .entry(found.frame)
+                    .or_default()
+                    .push((*target, found.found));
+                used += 1;
+            }
+        }
+        if used == 0 {
+            let wanted: Vec<&str> = classes.iter().map(|(_, class)| *class).collect();
+            let mut classes: Vec<&str> =
+                all.iter().filter_map(|one| one.class.as_deref()).collect();
+            classes.sort_unstable();
+            classes.dedup();
+            classes.truncate(10);
+            return Err(user_error!(
+                "{}: no box is of the class {}; found: {}; give detector.class",
+                path.shown(),
+                wanted.join(" or "),
+                classes.join(", ")
+            ));
+        }
+        let has_classes = all.iter().any(|found| found.class.is_some());
+        if classes.len() > 1 && !has_classes {
+            return Err(user_error!(
+                "{}: has no column class, and {} targets have a detector; add one, with the targets' names",
+                path.shown(),
+                classes.len()
+            ));
+        }
+        Ok(Self {
+            frames: range,
+            boxes,
+        })
+    }
+}
+
+/// Returns the boxes of a table: with a header as described in the guide, without one as the MOT Challenge has them.
+pub(crate) fn boxes_in(table: &Table) -> Result<Vec<Found>> {
+    if !table.has_header() {
+        return table.rows().map(|row| mot_box(table, &row)).collect();
+    }
+    let frame = table.column("frame")?;
+    let [class, score] = ["class", "score"].map(|name| table.optional_column(name));
+    let sides = table.optional_columns(["left_px", "top_px", "right_px", "bottom_px"]);
+    let circle = table.optional_columns(["u_px", "v_px", "radius_px"]);
+    if sides.is_none() && circle.is_none() {
+        return Err(user_error!(
+            "{}, line 1: has no boxes or circles; needed: {COLUMNS}",
+            table.path().shown()
+        ));
+    }
+    let found = |row: Row| {
+        let found = match (row.all_or_none(sides)?, row.all_or_none(circle)?) {
+            (Some(sides_px), _) => ImageBox::new(sides_px),
+            (None, Some([u, v, radius_px])) => ImageBox::around_circle([u, v], radius_px),
+            (None, None) => {
+                return Err(user_error!(
+                    "{}: has no box; leave out images in which nothing is",
+                    row.place()
+                ));
+            }
+        };
+        let score = row.fraction(score)?;
+        let found = found.and_then(|found| match score {
+            Some(score) => found.with_score(score),
+            None => Ok(found),
+        });
+        Ok(Found {
+            frame: row.count(frame)?,
+            class: class
+                .map(|class| row.text(class).map(str::to_owned))
+                .transpose()?,
+            found: found.map_err(|error| user_error!("{}: {error}", row.place()))?,
+            line: row.line,
+        })
+    };
+    table.rows().map(found).collect()
+}
+
+/// Returns the box of a row as the MOT Challenge has them: frames and pixels count from 1.
+fn mot_box(table: &Table, row: &Row) -> Result<Found> {
+    let frame = row.count(table.column("frame")?)?;
+    let place = row.place();
+    let frame = frame
+        .checked_sub(1)
+        .ok_or_else(|| user_error!("{place}: frame 0; without a header, frames count from 1"))?;
+    let [left, top, width, height] =
+        row.numbers(table.columns(["left", "top", "width", "height"])?)?;
+    // A side lies half a pixel beyond the pixels' centres.
+    let [left, top] = [left, top].map(|first| first - 1.5);
+    let found = ImageBox::new([left, top, left + width, top + height]);
+    let found = found.map_err(|error| user_error!("{place}: {error}"))?;
+    // Some detectors' scores are no probabilities.
+    let score = match table.optional_column("score") {
+        Some(score) => row.numbers([score])?[0],
+        None => -1.0,
+    };
+    Ok(Found {
+        frame,
+        class: None,
+        found: found.with_score(score).unwrap_or(found),
+        line: row.line,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn boxes(text: &str) -> Result<Vec<Found>> {
+        let path = Path::new("boxes.csv");
+        boxes_in(&Table::from_reader_with_or_without_header(
+            path,
+            text.as_bytes(),
+            &MOT_COLUMNS,
+        )?)
+    }
+
+    #[test]
+    fn boxes_circles_and_files_of_the_mot_challenge_are_read() {
+        let found = boxes(
+            "frame,class,left_px,top_px,right_px,bottom_px,score\n3,cup,10,20,30,60,0.5\n3,ball,1,2,3,4,\n",
+        );
+        let found = found.unwrap();
+        assert_eq!(
+            (found[0].frame, found[0].class.as_deref()),
+            (3, Some("cup"))
+        );
+        assert_eq!(found[0].found.sides_px(), [10.0, 20.0, 30.0, 60.0]);
+        assert_eq!(
+            (found[0].found.score(), found[1].found.score()),
+            (Some(0.5), None)
+        );
+        let found = boxes("frame,u_px,v_px,radius_px\n0,100,50,10\n").unwrap();
+        assert_eq!(found[0].found.sides_px(), [90.0, 40.0, 110.0, 60.0]);
+        let found = boxes("1,-1,11,21,20,40,0.8,-1,-1,-1\n2,-1,1,1,2,2,37.5,-1,-1,-1\n").unwrap();
+        assert_eq!((found[0].frame, found[1].frame), (0, 1));
+        // The pixels 10 to 29, counted from 0.
+        assert_eq!(found[0].found.sides_px(), [9.5, 19.5, 29.5, 59.5]);
+        assert_eq!(
+            (found[0].found.score(), found[1].found.score()),
+            (Some(0.8), None)
+        );
+        assert_eq!((found[1].line, found[0].class.as_deref()), (2, None));
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        for (text, wanted) in [
+            (
+                "frame,left_px\n0,1\n",
+                "line 1: has no boxes or circles; needed: frame,left_px",
+            ),
+            (
+                "left_px,top_px,right_px,bottom_px\n1,2,3,4\n",
+                "line 1: column \"frame\" is missing",
+            ),
+            (
+                "frame,left_px,top_px,right_px,bottom_px\n0,9,2,3,4\n",
+                "line 2: box is [9.0, 2.0, 3.0, 4.0]",
+            ),
+            (
+                "frame,left_px,top_px,right_px,bottom_px\n0,,,,\n",
+                "line 2: has no box",
+            ),
+            (
+                "frame,left_px,top_px,right_px,bottom_px,score\n0,1,2,3,4,50\n",
+                "line 2, column score: holds \"50\"",
+            ),
+            (
+                "frame,left_px,top_px,right_px,bottom_px\n-1,1,2,3,4\n",
+                "line 2, column frame: holds \"-1\"",
+            ),
+            ("0,-1,1,1,2,2,1\n", "line 1: frame 0"),
+            ("1,-1,1,1,2,2,1\n1,-1,1,1,0,2,1\n", "line 2: box is"),
+            ("1,-1,1,1\n", "line 1: has 4 cells"),
+        ] {
+            let error = boxes(text).err().map(|error| format!("{error:#}"));
+            let error = error.unwrap_or_default();
+            assert!(
+                error.starts_with("boxes.csv, ") && error.contains(wanted),
+                "{error}"
+            );
+        }
+    }
+}

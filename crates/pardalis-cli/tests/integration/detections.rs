@@ -1,0 +1,245 @@
+//! Targets that another program detects, on the first frames of data/dioptric-jump: boxes around the true ball, as a detector with misses, clutter and noise gives them.
+
+use std::fmt::Write as _;
+use std::fs;
+
+use pardalis::camera::{Camera, Equidistant};
+use pardalis::shape::{Shape, Sphere, SphereOutline, Stance};
+
+use crate::common::{Run, Workplace, data, scene_with};
+
+const FRAMES: usize = 40;
+
+/// A scene without colours.
+fn scene() -> String {
+    let all = scene_with(
+        "images = \"images\"",
+        "images = \"images\"\ndetections = \"boxes.csv\"",
+    );
+    let end = all.find("colors = ").unwrap();
+    all[..end].to_owned() + "detector = {}\n"
+}
+
+/// The true positions, metres.
+fn truth_m() -> Vec<[f64; 3]> {
+    let text = fs::read_to_string(data().join("truth.csv")).unwrap();
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        [4, 5, 6].map(|column| cells[column].parse().unwrap())
+    };
+    text.lines().skip(1).take(FRAMES).map(row).collect()
+}
+
+/// The boxes of the ball: left, top, right and bottom.
+fn boxes() -> Vec<[f64; 4]> {
+    let camera = Equidistant::new(145.562_250_654_857_8, [319.5, 239.5], 1.6).unwrap();
+    let ball = Shape::Sphere(Sphere::new(0.11, SphereOutline::Tangent).unwrap());
+    let down = nalgebra::Rotation3::from_matrix_unchecked(nalgebra::Matrix3::new(
+        0.0, -1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0,
+    ));
+    let pose = pardalis::camera::Pose::from_parts(nalgebra::Translation3::new(0.0, 0.0, 0.9), down);
+    let of = |place_m: [f64; 3]| {
+        let pixels = ball.outline_px(
+            &Camera::from(camera),
+            &pose.inverse(),
+            place_m,
+            Stance::default(),
+            500,
+        );
+        let mut sides = [
+            f64::INFINITY,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::NEG_INFINITY,
+        ];
+        for [u, v] in pixels.into_iter().map(Option::unwrap) {
+            sides = [
+                sides[0].min(u),
+                sides[1].min(v),
+                sides[2].max(u),
+                sides[3].max(v),
+            ];
+        }
+        sides
+    };
+    truth_m().into_iter().map(of).collect()
+}
+
+/// The file of a detector that misses every seventh ball, and reports a lamp in every image.
+fn file() -> String {
+    let mut text = "frame,class,left_px,top_px,right_px,bottom_px,score\n".to_owned();
+    for (frame, [u0, v0, u1, v1]) in boxes().into_iter().enumerate() {
+        let off = 0.4 * (1.7 * frame as f64).sin();
+        if frame % 7 != 5 {
+            let _ = writeln!(text, "{frame},ball,{},{v0},{u1},{},0.8", u0 + off, v1 - off);
+        }
+        let _ = writeln!(text, "{frame},lamp,10,20,60,50,0.9");
+    }
+    text
+}
+
+#[test]
+fn boxes_of_a_file_are_tracked() {
+    let place = Workplace::with_frames(FRAMES);
+    place.write("boxes.csv", file());
+    let run = place
+        .track_with(scene(), &["-o", "out", "--no-plots", "--annotate"])
+        .fine();
+    assert!(
+        run.stdout.contains("ball: 40 frames tracked"),
+        "{}",
+        run.stdout
+    );
+    for (row, truth_m) in place.rows().iter().zip(truth_m()) {
+        let position = [4, 5, 6].map(|column| row[column].parse::<f64>().unwrap());
+        let off_m: f64 = (0..3)
+            .map(|i| (position[i] - truth_m[i]).powi(2))
+            .sum::<f64>()
+            .sqrt();
+        assert!(off_m < 0.2 && row[3] == "tracking", "{row:?} {truth_m:?}");
+    }
+    assert!(place.path("out/annotated/000039.jpg").is_file());
+    // Its class has another name than the target, or there are none.
+    place.write("boxes.csv", file().replace("ball", "sports ball"));
+    let named = scene().replace("detector = {}", "detector.class = \"sports ball\"");
+    place.track(named).fine();
+    let rows = place.rows();
+    let lines = file().replace(",class", "").replace(",ball", "");
+    let without: Vec<&str> = lines
+        .lines()
+        .filter(|line| !line.contains("lamp"))
+        .collect();
+    place.write("boxes.csv", without.join("\n") + "\n");
+    place.track(scene()).fine();
+    assert_eq!(place.rows(), rows);
+    place.write("boxes.csv", file());
+    // The same with another number of threads.
+    let rows = |threads: &str| {
+        place
+            .track_with(scene(), &["-o", "out", "--no-plots", "--threads", threads])
+            .fine();
+        place.rows()
+    };
+    assert_eq!(rows("1"), rows("3"));
+}
+
+#[test]
+fn detections_are_those_of_the_frames_that_are_read() {
+    let place = Workplace::with_frames(FRAMES);
+    place.write("boxes.csv", file());
+    let some = scene().replace("fps = 25", "fps = 25\nfirst_frame = 10\nframe_step = 2");
+    let run = place.track(some).fine();
+    assert!(
+        run.stdout.contains("ball: 15 frames tracked"),
+        "{}",
+        run.stdout
+    );
+    for (row, truth_m) in place
+        .rows()
+        .iter()
+        .zip(truth_m().iter().skip(10).step_by(2))
+    {
+        let x_m: f64 = row[4].parse().unwrap();
+        assert!((x_m - truth_m[0]).abs() < 0.2, "{row:?} {truth_m:?}");
+    }
+}
+
+#[test]
+fn a_check_and_a_smoothed_track_know_boxes() {
+    let place = Workplace::with_frames(FRAMES);
+    place.write("boxes.csv", file());
+    place
+        .track_with(scene(), &["-o", "out", "--no-plots", "--smooth"])
+        .fine();
+    let squares = |name: &str| -> f64 {
+        let text = fs::read_to_string(place.path(&format!("out/{name}"))).unwrap();
+        let rows = crate::common::rows_in(&text).into_iter().zip(truth_m());
+        let off = |(row, truth_m): (Vec<String>, [f64; 3])| {
+            let position = [4, 5, 6].map(|column| row[column].parse::<f64>().unwrap());
+            (0..3)
+                .map(|i| (position[i] - truth_m[i]).powi(2))
+                .sum::<f64>()
+        };
+        rows.map(off).sum()
+    };
+    assert!(squares("tracks.csv") < squares("filtered.csv"));
+    let run = Run::pardalis(place.path(""), &["check", "scene.toml"]).fine();
+    assert!(
+        run.stdout.contains("found in the first frames"),
+        "{}",
+        run.stdout
+    );
+    let run = Run::pardalis(place.path(""), &["locate", "scene.toml", "-o", "out"]).fine();
+    assert!(run.stdout.contains("frame 0: ball"), "{}", run.stdout);
+}
+
+#[test]
+fn boxes_are_explained() {
+    let place = Workplace::with_frames(FRAMES);
+    // Three times as wide as a ball is.
+    let wide = boxes()
+        .into_iter()
+        .enumerate()
+        .map(|(frame, [u0, v0, u1, v1])| {
+            format!("{frame},{},{v0},{},{v1}\n", 2.0 * u0 - u1, 2.0 * u1 - u0)
+        });
+    let text = "frame,left_px,top_px,right_px,bottom_px\n".to_owned() + &wide.collect::<String>();
+    place.write("boxes.csv", text);
+    let arguments = ["-o", "out", "--no-plots", "--explain", "--annotate"];
+    let run = place.track_with(scene(), &arguments);
+    let wanted =
+        "in 40 of these 40 frames, the box has another outline (other-outline): check the shape";
+    assert!(run.stderr.contains(wanted), "{}", run.stderr);
+    let rows = fs::read_to_string(place.path("out/candidates.csv")).unwrap();
+    let row = rows.lines().nth(1).unwrap();
+    assert!(
+        row.starts_with("0,0,ball,,box,cam1,") && row.ends_with(",other-outline"),
+        "{row}"
+    );
+    place.write("boxes.csv", file());
+    place.track_with(scene(), &arguments).fine();
+    let rows = fs::read_to_string(place.path("out/candidates.csv")).unwrap();
+    let count = |verdict: &str| rows.lines().filter(|row| row.ends_with(verdict)).count();
+    assert_eq!(
+        (count(",target"), count(",other-outline")),
+        (35, 0),
+        "{rows}"
+    );
+}
+
+#[test]
+fn files_that_do_not_suit_are_refused() {
+    let place = Workplace::with_frames(3);
+    let header = "frame,class,left_px,top_px,right_px,bottom_px\n";
+    for (text, wanted) in [
+        (
+            format!("{header}0,cup,1,2,3,4\n"),
+            "boxes.csv: no box is of the class ball; found: cup; give detector.class",
+        ),
+        (
+            format!("{header}5,ball,1,2,3,4\n"),
+            "boxes.csv, line 2: frame 5, but the camera has 3 images",
+        ),
+        (
+            format!("{header}0,ball,1,2,nan,4\n"),
+            "boxes.csv, line 2, column right_px: holds \"nan\"",
+        ),
+        (header.to_owned(), "boxes.csv: has no rows"),
+    ] {
+        place.write("boxes.csv", text);
+        place
+            .track(scene())
+            .refused(&["cameras.cam1.detections: ", wanted]);
+    }
+    fs::remove_file(place.path("boxes.csv")).unwrap();
+    place
+        .track(scene())
+        .refused(&["cameras.cam1.detections: ", "boxes.csv"]);
+    place.write("boxes.csv", format!("{header}0,ball,1,2,3,4\n"));
+    place.write("scene.toml", scene());
+    let other = Run::pardalis(
+        place.path(""),
+        &["locate", "scene.toml", "images/000000.jpg"],
+    );
+    other.refused(&["cameras.cam1.detections: is of the scene's images"]);
+}
