@@ -78,12 +78,12 @@ pub(crate) fn rows<const N: usize>(
 /// Boxes in rows of left, top, right and bottom side, and a score if there are five columns.
 pub(crate) fn boxes(boxes: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<ImageBox>> {
     let wanted = "N x 4 numbers, or N x 5 with scores";
-    let boxes: Rows = boxes.extract().map_err(|_| is_no(what, wanted))?;
-    let boxes = boxes.as_array();
     // An empty list has no columns.
-    if boxes.is_empty() {
+    if boxes.len().is_ok_and(|count| count == 0) {
         return Ok(Vec::new());
     }
+    let boxes: Rows = boxes.extract().map_err(|_| is_no(what, wanted))?;
+    let boxes = boxes.as_array();
     if !matches!(boxes.ncols(), 4 | 5) {
         let columns = boxes.ncols();
         return Err(PyValueError::new_err(format!(
