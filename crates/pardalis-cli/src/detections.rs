@@ -93,12 +93,12 @@ fn class_of(target: &TargetConfig) -> Option<&str> {
 }
 
 impl CameraDetections {
-    /// Reads the file of a camera that has this number of frames, if that is known.
+    /// Reads the file of a camera that has images of this size and this number of frames, if that is known.
     pub(crate) fn read(
         path: &Path,
         camera: &CameraConfig,
         targets: &[TargetConfig],
-        frame_count: Option<usize>,
+        (size_px, frame_count): ((usize, usize), Option<usize>),
     ) -> Result<Self> {
         let all = boxes_in(&Table::read_with_or_without_header(path, &MOT_COLUMNS)?)?;
         let last = all.iter().max_by_key(|found| found.frame);
@@ -112,6 +112,17 @@ impl CameraDetections {
                 last.line,
                 last.frame,
                 counted(count as u64, "image")
+            ));
+        }
+        let outside = all.iter().filter(|found| is_outside(&found.found, size_px));
+        let outside = outside.count();
+        if 4 * outside > all.len() {
+            return Err(user_error!(
+                "{}: {outside} of {} boxes are outside of the images, which are {} x {} pixels; are they in pixels of resized images?",
+                path.shown(),
+                all.len(),
+                size_px.0,
+                size_px.1
             ));
         }
         let classes: Vec<(TargetId, &str)> = targets
@@ -162,6 +173,13 @@ impl CameraDetections {
     }
 }
 
+/// Returns whether most of a box is outside of images of this size.
+fn is_outside(found: &ImageBox, (width, height): (usize, usize)) -> bool {
+    let [left, top, right, bottom] = found.sides_px();
+    let [u, v] = [f64::midpoint(left, right), f64::midpoint(top, bottom)];
+    !(0.0..width as f64).contains(&u) || !(0.0..height as f64).contains(&v)
+}
+
 /// Returns the boxes of a table: with a header as described in the guide, without one as the MOT Challenge has them.
 pub(crate) fn boxes_in(table: &Table) -> Result<Vec<Found>> {
     if !table.has_header() {
@@ -173,8 +191,9 @@ pub(crate) fn boxes_in(table: &Table) -> Result<Vec<Found>> {
     let circle = table.optional_columns(["u_px", "v_px", "radius_px"]);
     if sides.is_none() && circle.is_none() {
         return Err(user_error!(
-            "{}, line 1: has no boxes or circles; needed: {COLUMNS}",
-            table.path().shown()
+            "{}, line 1: has no boxes or circles; needed: {COLUMNS}; found: {}",
+            table.path().shown(),
+            table.header().collect::<Vec<_>>().join(",")
         ));
     }
     let found = |row: Row| {

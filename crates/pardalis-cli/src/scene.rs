@@ -311,7 +311,8 @@ impl Parts {
                     "is of recorded images, and the camera is live; record its video first, or give boxes to the library (FrameSet::with_boxes)"
                 ))
             } else if self.is_complete {
-                CameraDetections::read(&path, camera, targets, source.frame_count()).map(Some)
+                let images = (source.size(), source.frame_count());
+                CameraDetections::read(&path, camera, targets, images).map(Some)
             } else {
                 Ok(None)
             };

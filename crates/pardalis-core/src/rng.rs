@@ -58,6 +58,10 @@ pub enum Stage {
     /// Component of the moment-matched proposal and previous state (followed, velocity jump or
     /// relocated) of a particle that is resampled because few particles agree with the images.
     Moments = 11,
+    /// Simulated detectors: misses, errors of sides, scores.
+    Box = 12,
+    /// Boxes of simulated detectors around nothing.
+    Clutter = 13,
 }
 
 /// The random numbers of one target.

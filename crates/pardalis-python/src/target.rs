@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 
 use crate::color::ColorModel;
 use crate::value_error;
+use pardalis::filter::motion::{ConstantVelocity, Motion, VelocityNoise};
 use pardalis::shape::{Flat, Section, Sphere, SphereOutline, Upright, UprightOutline};
 use pardalis::tracker::{BoxedSettings, DetectedSettings, SizeTolerance, TargetSettings};
 
@@ -163,7 +164,8 @@ impl Target {
     ///
     /// `detection_probability` is how often the detector finds a target that nothing hides, and `false_per_image` the mean number of boxes in an image that are no target.
     /// `side_sigma` is the standard deviation of each side of a box as a share of the square root of its area, and `size_tolerance` that of errors of the size that all images
-    /// share. Boxes with a score below `min_score` are left out.
+    /// share. Boxes with a score below `min_score` are left out. `acceleration_density_m2ps3` says how much the velocity changes, by its root in m/s in a second: by default 1 for what
+    /// stands on the ground, and 20 with sudden changes for balls.
     #[staticmethod]
     #[pyo3(signature = (
         shape,
@@ -173,10 +175,11 @@ impl Target {
         side_sigma=0.05,
         size_tolerance=0.05,
         min_score=0.0,
+        acceleration_density_m2ps3=None,
         ground_z_m=0.0,
         particle_count=DetectedSettings::PARTICLE_COUNT,
         max_count=None,
-    ), text_signature = "(shape, *, detection_probability=0.9, false_per_image=0.5, side_sigma=0.05, size_tolerance=0.05, min_score=0.0, ground_z_m=0.0, particle_count=500, max_count=None)")]
+    ), text_signature = "(shape, *, detection_probability=0.9, false_per_image=0.5, side_sigma=0.05, size_tolerance=0.05, min_score=0.0, acceleration_density_m2ps3=None, ground_z_m=0.0, particle_count=500, max_count=None)")]
     #[allow(clippy::too_many_arguments)] // by name
     fn of_boxes(
         shape: PyRef<Shape>,
@@ -185,6 +188,7 @@ impl Target {
         side_sigma: f64,
         size_tolerance: f64,
         min_score: f64,
+        acceleration_density_m2ps3: Option<f64>,
         ground_z_m: f64,
         particle_count: usize,
         max_count: Option<usize>,
@@ -197,6 +201,17 @@ impl Target {
         settings.detector.size_tolerance = size_tolerance;
         settings.detector.min_score = min_score;
         settings.detector.check().map_err(value_error)?;
+        if let Some(acceleration_density_m2ps3) = acceleration_density_m2ps3 {
+            let noise = VelocityNoise::White {
+                acceleration_density_m2ps3,
+            };
+            let motion: Motion = ConstantVelocity::new(noise).map_err(value_error)?.into();
+            settings.motion = if settings.motion.is_planar() {
+                motion.in_plane()
+            } else {
+                motion
+            };
+        }
         settings.existence.ground_z_m = ground_z_m;
         settings.particle_count = particle_count;
         Ok(Self {

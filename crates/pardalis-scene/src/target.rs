@@ -593,15 +593,15 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
     if table.is_describing() {
         // Declares the keys of both ways.
         read_filter(table, shape);
-        read_existence(table);
+        read_existence(table, ExistenceSettings::default());
         return None;
     }
     match cues {
         Some(CuesConfig::Edge(edge)) => Some(Shared::Detected {
             edge,
-            motion: read_detected_motion(table, shape),
+            motion: read_detected_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS),
             particle_count: read_detected_particles(table),
-            existence: read_existence(table),
+            existence: read_existence(table, ExistenceSettings::default()),
         }),
         Some(CuesConfig::Published(cues)) => {
             if table.knows("existence") {
@@ -624,17 +624,31 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
 
 /// Reads the settings of a target with this detector.
 fn read_boxed(table: &Table, shape: Option<&Shape>, detector: Option<DetectorConfig>) -> Shared {
+    let default = shape.map(|shape| {
+        (
+            BoxedSettings::motion_of(shape),
+            BoxedSettings::existence_of(shape),
+        )
+    });
+    let (motion, existence) = default.unwrap_or((
+        ConstantVelocity::BETWEEN_VELOCITY_JUMPS,
+        ExistenceSettings::default(),
+    ));
     Shared::Boxed {
         detector,
-        motion: read_detected_motion(table, shape),
+        motion: read_detected_motion(table, shape, motion),
         particle_count: read_detected_particles(table),
-        existence: read_existence(table),
+        existence: read_existence(table, existence),
     }
 }
 
 /// Reads the motion of a target that is searched for.
-fn read_detected_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
-    let motion = read_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS);
+fn read_detected_motion(
+    table: &Table,
+    shape: Option<&Shape>,
+    default: ConstantVelocity,
+) -> Option<Motion> {
+    let motion = read_motion(table, shape, default);
     motion.filter(|motion| match check_motion(motion) {
         Ok(()) => true,
         Err(error) => {
@@ -684,8 +698,7 @@ fn read_region(existence: &Table) -> Option<Region> {
 }
 
 /// Reads how a detected target appears, disappears and becomes occluded.
-fn read_existence(table: &Table) -> Option<ExistenceSettings> {
-    let default = ExistenceSettings::default();
+fn read_existence(table: &Table, default: ExistenceSettings) -> Option<ExistenceSettings> {
     let about = "How often the target appears, disappears and is occluded. Only for targets with the edge cue or a detector.";
     let settings = table.section("existence", about, |existence| {
         let rate = |name, about, default| {
@@ -710,7 +723,7 @@ fn read_existence(table: &Table) -> Option<ExistenceSettings> {
         );
         settings.velocity_jump_rate_hz = rate(
             "velocity_jump_rate_hz",
-            "Rate of velocity jumps, such as bounces and kicks.",
+            "Rate of velocity jumps, such as bounces and kicks; 0 by default for targets with a detector that are no balls.",
             default.velocity_jump_rate_hz,
         );
         settings.velocity_jump_sigma_mps = rate(

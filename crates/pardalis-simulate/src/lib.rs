@@ -78,6 +78,7 @@
 //! rendered images are sRGB with three bytes per pixel, row by row.
 
 mod body;
+mod detector;
 mod mark;
 mod path;
 mod platform;
@@ -89,6 +90,7 @@ mod trace;
 mod truth;
 
 pub use body::Body;
+pub use detector::{DetectedBox, Detector};
 pub use mark::Mark;
 pub use path::{Path, Sine, Throw, Waypoints};
 pub use platform::{OdometryRow, OdometrySettings, Platform};

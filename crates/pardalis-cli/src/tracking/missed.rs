@@ -214,7 +214,9 @@ fn remedy(verdict: Verdict, is_boxed: bool) -> &'static str {
         Verdict::LookAlike | Verdict::Rival => {
             "give the scene one target for each object, or count = \"any\""
         }
-        _ if is_boxed => "check detector.false_per_image and the scores",
+        _ if is_boxed => {
+            "check detector.false_per_image, detector.side_sigma and the scores: one box is not enough"
+        }
         _ => "give more frames, or learn from more images",
     }
 }

@@ -127,7 +127,7 @@ fn boxes_of_a_file_are_tracked() {
 fn detections_are_those_of_the_frames_that_are_read() {
     let place = Workplace::with_frames(FRAMES);
     place.write("boxes.csv", file());
-    let some = scene().replace("fps = 25", "fps = 25\nfirst_frame = 10\nframe_step = 2");
+    let some = scene().replace("fps = 25", "fps = 25\nfirst_frame = 11\nframe_step = 2");
     let run = place.track(some).fine();
     assert!(
         run.stdout.contains("ball: 15 frames tracked"),
@@ -137,7 +137,7 @@ fn detections_are_those_of_the_frames_that_are_read() {
     for (row, truth_m) in place
         .rows()
         .iter()
-        .zip(truth_m().iter().skip(10).step_by(2))
+        .zip(truth_m().iter().skip(11).step_by(2))
     {
         let x_m: f64 = row[4].parse().unwrap();
         assert!((x_m - truth_m[0]).abs() < 0.2, "{row:?} {truth_m:?}");

@@ -48,6 +48,13 @@ impl ConstantVelocity {
         },
     };
 
+    /// People and vehicles, whose velocity changes by about 1 m/s in a second.
+    pub const WALKING: Self = Self {
+        noise: VelocityNoise::White {
+            acceleration_density_m2ps3: 1.0,
+        },
+    };
+
     /// Creates the model. The strength of the noise must lie between 0 and 1e9.
     pub fn new(noise: VelocityNoise) -> Result<Self, Error> {
         check_strength(match noise {

@@ -111,6 +111,7 @@ class Target:
         side_sigma: float = 0.05,
         size_tolerance: float = 0.05,
         min_score: float = 0.0,
+        acceleration_density_m2ps3: float | None = None,
         ground_z_m: float = 0.0,
         particle_count: int = 500,
         max_count: int | None = None,

@@ -14,7 +14,9 @@ use super::key::Key;
 use super::keys::keys_of;
 use super::reader::{Journal, Kind, Problem, Table};
 use super::replaced::read_with;
-use pardalis_simulate::{Ground, Light, Pattern, Room, Tape, Texture, World, linear_from_srgb};
+use pardalis_simulate::{
+    Detector, Ground, Light, Pattern, Room, Tape, Texture, World, linear_from_srgb,
+};
 
 /// The settings of a world file.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +27,8 @@ pub struct WorldConfig {
     pub training_stills: usize,
     /// Standard deviation of the targets' starts in the scene, on each axis, in metres.
     pub start_sigma_m: f64,
+    /// The detector by whose boxes the scene tracks the targets, in place of their colours.
+    pub detector: Option<Detector>,
 }
 
 /// Maximum number of stills.
@@ -93,6 +97,8 @@ impl WorldConfig {
             )
             .within(0.0..=100.0)
             .or(Self::DEFAULT_START_SIGMA_M);
+        let about = "A detector whose boxes are written, too: the scene tracks the targets by them, and not by their colours.";
+        let detector = table.section("detector", about, read_detector);
         let ground = table.section("ground", "The floor.", read_ground);
         let about = "The background: the inside of a sphere around the world's origin.";
         let room = table.section("room", about, read_room);
@@ -113,8 +119,37 @@ impl WorldConfig {
             },
             training_stills,
             start_sigma_m,
+            detector,
         })
     }
+}
+
+fn read_detector(table: &Table) -> Option<Detector> {
+    let default = Detector::default();
+    Some(Detector {
+        detection_probability: table
+            .key(
+                "detection_probability",
+                "Probability that a target is found that nothing hides.",
+            )
+            .within(above(0.0, 0.999))
+            .or(default.detection_probability),
+        false_per_image: table
+            .key(
+                "false_per_image",
+                "Mean number of boxes in an image that are no target.",
+            )
+            .within(above(0.0, 100.0))
+            .or(default.false_per_image),
+        side_sigma: table
+            .key("side_sigma", "Standard deviation of each side of a box, as a share of the square root of its area.")
+            .within(above(0.0, 1.0))
+            .or(default.side_sigma),
+        size_bias: table
+            .key("size_bias", "Share by which all boxes are too large.")
+            .within(-0.5..=1.0)
+            .or(default.size_bias),
+    })
 }
 
 fn read_ground(table: &Table) -> Option<Ground> {

@@ -50,7 +50,7 @@ pub fn boxes_log_ratio(
             [within(v0, height), within(v1, height)],
         ];
         let found_area = area(found_px);
-        let sigma = (0.25 + detector.side_sigma.powi(2) * found_area).sqrt();
+        let sigma = (0.25 + detector.side_sigma.powi(2) * area(cut)).sqrt();
         let mut density = 1.0;
         for axis in 0..2 {
             for end in 0..2 {

@@ -272,16 +272,33 @@ pub struct BoxedSettings {
 }
 
 impl BoxedSettings {
-    /// Returns the default settings for a body of this shape.
+    /// Returns the default settings for a body of this shape: a ball flies and bounces as in [`DetectedSettings::new`], others walk or drive.
     pub fn new(shape: Shape) -> Self {
         Self {
             shape,
             detector: DetectorSettings::default(),
-            motion: on_ground(ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into(), &shape),
+            motion: on_ground(Self::motion_of(&shape).into(), &shape),
             particle_count: DetectedSettings::PARTICLE_COUNT,
-            existence: ExistenceSettings::default(),
+            existence: Self::existence_of(&shape),
             start: None,
         }
+    }
+
+    /// Returns how a body of this shape moves.
+    pub fn motion_of(shape: &Shape) -> ConstantVelocity {
+        match shape {
+            Shape::Sphere(_) => ConstantVelocity::BETWEEN_VELOCITY_JUMPS,
+            Shape::Upright(_) | Shape::Flat(_) => ConstantVelocity::WALKING,
+        }
+    }
+
+    /// Returns how a body of this shape appears and disappears: other than balls, nothing is kicked or bounces.
+    pub fn existence_of(shape: &Shape) -> ExistenceSettings {
+        let mut existence = ExistenceSettings::default();
+        if !matches!(shape, Shape::Sphere(_)) {
+            existence.velocity_jump_rate_hz = 0.0;
+        }
+        existence
     }
 }
 

@@ -1,5 +1,6 @@
 //! `pardalis simulate`: images of a synthetic world, with ground truth.
 
+mod detections;
 mod frames;
 mod scene_text;
 mod tables;
@@ -56,6 +57,7 @@ const CONTENT: Content = Content {
     entries: &[
         "frames",
         "training",
+        "detections",
         "truth.csv",
         "cameras.toml",
         "cameras.json",
@@ -142,6 +144,9 @@ impl Sequence {
     /// Returns the number of images, including the stills for learning colours.
     pub(crate) fn image_count(&self) -> usize {
         let frames: usize = self.deliveries.iter().map(Vec::len).sum();
+        if self.config.detector.is_some() {
+            return frames;
+        }
         frames + self.config.training_stills
     }
 
@@ -155,7 +160,9 @@ impl Sequence {
         folder.write("truth.csv", tables::truth(self).as_bytes())?;
         tables::write_cameras(world, &folder)?;
         tables::write_platforms(world, &folder)?;
-        if self.config.training_stills > 0 {
+        if let Some(detector) = &self.config.detector {
+            detections::write(self, detector, &folder)?;
+        } else if self.config.training_stills > 0 {
             training::write(self, &folder, progress)?;
         }
         folder.write("scene.toml", scene_text::of(self).as_bytes())?;

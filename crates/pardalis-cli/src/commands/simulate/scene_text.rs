@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
+use pardalis_scene::WorldConfig;
 use pardalis_simulate::{Body, Course, Object, Path, Placed, Platform};
 
-use super::{Sequence, frames, tables};
+use super::{Sequence, detections, frames, tables};
 
 /// Returns the text of scene.toml.
 pub(super) fn of(sequence: &Sequence) -> String {
@@ -45,6 +46,11 @@ pub(super) fn of(sequence: &Sequence) -> String {
             "\n[cameras.{}]\nimages = \"{folder}\"\ncalibration = \"cameras.toml\"\n",
             camera.name
         );
+        if sequence.config.detector.is_some() {
+            let file = detections::file_of(sequence, number);
+            let file = file.to_string_lossy().into_owned().replace('\\', "/");
+            let _ = writeln!(text, "detections = \"{file}\"");
+        }
         if let Some(platform) = camera.platform {
             let _ = writeln!(text, "platform = \"{}\"", world.platforms[platform].name);
         }
@@ -75,7 +81,7 @@ pub(super) fn of(sequence: &Sequence) -> String {
             continue;
         }
         crowds.push(object.target_name());
-        push_target(&mut text, object, placed, sequence.config.start_sigma_m);
+        push_target(&mut text, object, placed, &sequence.config);
     }
     text
 }
@@ -101,7 +107,8 @@ pub(super) fn colors_of(target: &Object) -> String {
     format!("{}.colors.toml", target.target_name())
 }
 
-fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64) {
+fn push_target(text: &mut String, object: &Object, placed: &Placed, config: &WorldConfig) {
+    let sigma_m = config.start_sigma_m;
     let shape = match object.body {
         Body::Sphere { radius_m } => format!("sphere.radius_m = {radius_m:?}"),
         Body::Cylinder { radius_m, height_m } => {
@@ -125,6 +132,17 @@ fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64
     let (name, colors) = (object.target_name(), colors_of(object));
     // The published cues track neither crowds nor bodies that turn: both are found without a start.
     let count = object.crowd.as_ref().map(|_| "count = \"any\"\n");
+    if let Some(detector) = &config.detector {
+        let _ = write!(
+            text,
+            "\n[targets.{name}]\n{}shape.{shape}\ndetector = {{ detection_probability = {:?}, false_per_image = {:?}, side_sigma = {:?} }}\n",
+            count.unwrap_or_default(),
+            detector.detection_probability,
+            detector.false_per_image,
+            detector.side_sigma
+        );
+        return;
+    }
     if count.is_some() || matches!(object.body, Body::Box { .. }) {
         let count = count.unwrap_or_default();
         let _ = write!(

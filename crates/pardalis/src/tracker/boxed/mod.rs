@@ -31,16 +31,18 @@ use pardalis_core::rng::Draws;
 use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::GaussianStart;
-use sight::{Fit, Sight, clipped, share_within};
+use sight::{Fit, Sight, clipped, share_within, sigma_px};
 
 /// By how much a particle outside of the target's region is less likely, nats: it is impossible, but should all be outside, one must remain.
 const OUTSIDE_NATS: f32 = 50.0;
 /// Rays through boxes of one body pass each other by less than this, diameters. Hand-set.
 const MEETING_DIAMETERS: f64 = 1.0;
-/// The most squared standard deviations a side that boxes of several cameras may leave for one body. Hand-set.
+/// The most squared standard deviations a side that boxes may leave for a body of that form. Hand-set.
 const MEETING_SQUARES: f64 = 12.0;
 /// Who may be new to a crowd, but less likely than this, is nobody in a frame without a box. Hand-set: one box among clutter is less, two in a row are more.
 const DOUBTFUL_EXISTENCE: f64 = 0.9;
+/// Before the first frames a body may have appeared for this long, seconds. Hand-set: a frame or two, so that no single box is believed.
+const FIRST_S: f64 = 0.05;
 /// A box that is less likely a body's by this because of others is theirs, nats. Hand-set.
 const TAKEN_NATS: f64 = 3.0;
 /// Bodies appear only where their box is at least this large, pixels. Hand-set: detectors find nothing smaller.
@@ -69,6 +71,8 @@ pub(super) struct BoxedTarget {
     found: Option<Fit>,
     /// How far an error of the size moves it, metres.
     drift_m: Vector3<f64>,
+    /// Closer to the estimate than this, metres, is right for its confidence: one diameter, or twice the standard deviation of what boxes tell if that is more.
+    near_m: f64,
     member: Option<Member>,
     /// What became of each box of the latest frames.
     candidates: Vec<Candidate>,
@@ -145,6 +149,7 @@ impl BoxedTarget {
             log_ratios: vec![Vec::new(); views.len()],
             found: None,
             drift_m: Vector3::zeros(),
+            near_m: shape.diameter_m(),
             member: None,
             candidates: Vec::new(),
             buffers: Buffers::default(),
@@ -182,7 +187,7 @@ impl BoxedTarget {
         } else if let Some(start) = self.start {
             self.begin(&start, 1.0);
         } else {
-            self.filter.predict(self.tuning.time_before_start_s);
+            self.filter.predict(FIRST_S);
         }
         self.track.set_started();
     }
@@ -217,6 +222,8 @@ impl BoxedTarget {
     /// Locates the body by these boxes alone. It must have been reset before.
     pub(super) fn locate(&mut self, instant: &Instant, look_alikes: &LookAlikes) -> Estimate {
         self.predict(instant.time_s, 0.0);
+        // It may have appeared long ago, and there is no second image.
+        self.filter.predict(self.tuning.time_before_start_s);
         self.observe(instant, look_alikes);
         self.estimate(0.0)
     }
@@ -278,7 +285,7 @@ impl BoxedTarget {
             let verdict = match &sight.fit {
                 None if self.body.ground_z_m.is_some() => Verdict::OffGround,
                 None => Verdict::TooFar,
-                Some(fit) if fit.squares > 4.0 * MEETING_SQUARES => Verdict::OtherOutline,
+                Some(fit) if !is_like(fit, 1) => Verdict::OtherOutline,
                 Some(fit) if !self.existence.region.contains(fit.position_m.into()) => {
                     Verdict::OutsideRegion
                 }
@@ -292,13 +299,15 @@ impl BoxedTarget {
         }
     }
 
-    /// Notes which boxes are the body's, once it is tracked. Others against which nothing speaks are its rivals.
+    /// Notes which boxes are the body's, once it is tracked. Others against which nothing speaks are its rivals; without a target, they are one another's.
     fn conclude(&mut self) {
         let is_tracking = self.track.state() == TrackState::Tracking;
+        let is_open = |candidate: &&Candidate| candidate.verdict == Verdict::Unconfirmed;
+        let has_rivals = self.candidates.iter().filter(is_open).count() > 1;
         for (number, candidate) in self.candidates.iter_mut().enumerate() {
             if is_tracking && self.buffers.own.contains(&number) {
                 candidate.verdict = Verdict::Target;
-            } else if is_tracking && candidate.verdict == Verdict::Unconfirmed {
+            } else if (is_tracking || has_rivals) && candidate.verdict == Verdict::Unconfirmed {
                 candidate.verdict = Verdict::Rival;
             }
         }
@@ -316,7 +325,8 @@ impl BoxedTarget {
     /// Whether a body may appear where a box puts it, or is expected there.
     fn is_possible(&self, views: &[View], sight: &Sight, fit: &Fit) -> bool {
         let from_m = views[sight.camera].world_from_camera().translation.vector;
-        (fit.position_m - from_m).norm() < self.reach_m || {
+        let may_appear = is_like(fit, 1) && (fit.position_m - from_m).norm() < self.reach_m;
+        may_appear || {
             let place_m = fit.position_m.into();
             let density = self.filter.predicted_density(place_m, &fit.covariance_m2);
             self.filter.located() * density > self.birth_density
@@ -450,7 +460,7 @@ impl BoxedTarget {
             };
             let likeness = |number: usize| {
                 let sight: &Sight = &sights[number];
-                sight.ratio(outline)
+                sight.ratio(outline, sigma_px(outline, &self.detector))
             };
             let of_camera = (0..sights.len()).filter(|number| sights[*number].camera == camera);
             let likely = of_camera.map(|number| (number, likeness(number)));
@@ -466,6 +476,8 @@ impl BoxedTarget {
         };
         if let Some(fit) = fit {
             self.drift_m = fit.drift_m;
+            let greatest_m2 = fit.covariance_m2.symmetric_eigenvalues().max();
+            self.near_m = (2.0 * libm::sqrt(greatest_m2)).max(self.body.diameter_m);
         }
         self.found = fit;
     }
@@ -523,8 +535,7 @@ impl BoxedTarget {
     fn confidence_ahead(&self, ahead_s: f64) -> f64 {
         let known = self.filter.estimate(ahead_s);
         let near = known.map_or(0.0, |known| {
-            self.filter
-                .weight_within(known.position_m, self.body.diameter_m)
+            self.filter.weight_within(known.position_m, self.near_m)
         });
         self.filter.existence() * near
     }
@@ -549,6 +560,7 @@ impl BoxedTarget {
         self.log_ratios.iter_mut().for_each(Vec::clear);
         self.found = None;
         self.drift_m = Vector3::zeros();
+        self.near_m = self.body.diameter_m;
         self.start = None;
         self.buffers.time_s = None;
         self.candidates.clear();
@@ -636,7 +648,9 @@ fn log_ratio<'s>(
         return 0.0;
     }
     let body_px = clipped(sides_px, view.size());
-    libm::log(1.0 - seen + seen * sights.map(|sight| sight.ratio(body_px)).sum::<f64>())
+    let sigma_px = sigma_px(body_px, detector);
+    let ratios = sights.map(|sight| sight.ratio(body_px, sigma_px));
+    libm::log(1.0 - seen + seen * ratios.sum::<f64>())
 }
 
 /// The probability that a body with this box (pixels) is detected: less if most of it is out of the image, none if its middle is masked.
@@ -649,6 +663,11 @@ fn detection_probability(view: &View, sides_px: [f64; 4], detector: &DetectorSet
     } else {
         0.0
     }
+}
+
+/// Whether a fit leaves so little of this number of boxes that they have the body's form.
+fn is_like(fit: &Fit, boxes: usize) -> bool {
+    fit.squares < MEETING_SQUARES * 4.0 * boxes as f64
 }
 
 fn component(fit: &Fit, log_weight: f64) -> MeasurementComponent {
@@ -719,7 +738,7 @@ fn meet(
             )
         });
         match fit.flatten() {
-            Some(fit) if fit.squares < MEETING_SQUARES * 4.0 * count as f64 => {
+            Some(fit) if is_like(&fit, count) => {
                 meetings.push(Meeting {
                     fit,
                     met: first..met.len(),

@@ -40,7 +40,7 @@ pub(super) struct Sight {
     pub(super) fit: Option<Fit>,
     /// By how many nats it is less likely this body's because it may be another's.
     assigned: f64,
-    /// The ratio to clutter where all sides are right, but for their density in standard deviations.
+    /// What the density of the sides is multiplied by for the ratio to clutter, px⁴.
     likeness: f64,
 }
 
@@ -79,6 +79,12 @@ pub(super) fn clipped(sides_px: [f64; 4], (width, height): (usize, usize)) -> [f
     ]
 }
 
+/// The standard deviation of each side of a box, pixels.
+pub(super) fn sigma_px([u0, v0, u1, v1]: [f64; 4], settings: &DetectorSettings) -> f64 {
+    let size_px = libm::sqrt((u1 - u0) * (v1 - v0));
+    libm::hypot(LEAST_SIGMA_PX, settings.side_sigma * size_px)
+}
+
 /// The share of a box that lies within the image.
 pub(super) fn share_within(sides_px: [f64; 4], size: (usize, usize)) -> f64 {
     let area = |[u0, v0, u1, v1]: [f64; 4]| (u1 - u0) * (v1 - v0);
@@ -114,10 +120,7 @@ impl Sight {
             camera,
             sides_px,
             is_cut,
-            sigma_px: libm::hypot(
-                LEAST_SIGMA_PX,
-                settings.side_sigma * libm::sqrt(width * height),
-            ),
+            sigma_px: sigma_px(sides_px, settings),
             log_odds: libm::log(odds.clamp(1.0 / MAX_ODDS, MAX_ODDS)),
             log_clutter: libm::log(settings.false_per_image)
                 - (log_area + libm::log(width * height) + log_forms),
@@ -173,11 +176,11 @@ impl Sight {
         }
     }
 
-    /// How much likelier this box is that of a body, whose own is clipped to the image, than clutter.
-    pub(super) fn ratio(&self, body_px: [f64; 4]) -> f64 {
+    /// How much likelier this box is that of a body, whose own is clipped to the image and has sides of this standard deviation (pixels), than clutter.
+    pub(super) fn ratio(&self, body_px: [f64; 4], sigma_px: f64) -> f64 {
         let mut density = 1.0;
         for (side, body) in self.sides_px.into_iter().zip(body_px) {
-            density *= side_density((side - body) / self.sigma_px);
+            density *= side_density((side - body) / sigma_px) / sigma_px;
             if density == 0.0 {
                 return 0.0;
             }
@@ -187,18 +190,14 @@ impl Sight {
 
     /// Notes by how many nats the box is less likely this body's because it may be another's.
     pub(super) fn assign(&mut self, nats: f64) {
-        self.likeness = libm::exp(self.log_likeness() - nats);
+        self.likeness = libm::exp(self.log_odds - self.log_clutter - nats);
         self.assigned = nats;
-    }
-
-    /// The logarithm of the ratio where all sides are right, but for their density in standard deviations.
-    fn log_likeness(&self) -> f64 {
-        self.log_odds - self.log_clutter - 4.0 * libm::log(self.sigma_px)
     }
 
     /// The logarithm of the greatest ratio at any position, given what a fit leaves (squared standard deviations), and what is assigned to others.
     pub(super) fn log_peak(&self, squares: f64) -> f64 {
-        self.log_likeness() - self.assigned - 0.5 * squares - 2.0 * LOG_TAU
+        let log_density = -0.5 * squares - 2.0 * LOG_TAU - 4.0 * libm::log(self.sigma_px);
+        self.log_odds - self.log_clutter - self.assigned + log_density
     }
 }
 
