@@ -194,3 +194,106 @@ fn exact_box(
     }
     Some(sides)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::{Course, ImageSettings, Light, Path, Pattern, Room, Texture, Timing, WorldCamera};
+    use pardalis_camera::{Camera, Pinhole, Pose};
+
+    fn ball(x_m: f64, is_target: bool) -> Object {
+        Object {
+            name: "ball".to_owned(),
+            body: Body::Sphere { radius_m: 0.2 },
+            texture: plain(),
+            marks: vec![],
+            highlight: 0.0,
+            course: Course::Path(Path::Still {
+                position_m: Vector3::new(x_m, 0.0, 2.0),
+            }),
+            heading_rad: None,
+            tilt_rad: 0.0,
+            spin_rad_per_s: 0.0,
+            is_target,
+            crowd: None,
+        }
+    }
+
+    fn plain() -> Texture {
+        Texture {
+            pattern: Pattern::Plain,
+            colors: [[0.5; 3]; 2],
+        }
+    }
+
+    /// A target and another ball before a camera.
+    fn world() -> World {
+        World {
+            seed: 3,
+            duration_s: 1.0,
+            ground: None,
+            room: Room {
+                radius_m: 10.0,
+                texture: plain(),
+            },
+            light: Light {
+                direction: Vector3::z(),
+                ambient: 0.4,
+            },
+            objects: vec![ball(0.0, true), ball(0.8, false)],
+            platforms: vec![],
+            cameras: vec![WorldCamera {
+                name: "front".to_owned(),
+                camera: Camera::Pinhole(Pinhole::new([400.0; 2], [319.5, 239.5], &[]).unwrap()),
+                size_px: (640, 480),
+                world_from_camera: Pose::identity(),
+                platform: None,
+                image: ImageSettings::default(),
+                timing: Timing::default(),
+            }],
+        }
+    }
+
+    #[test]
+    fn misses_clutter_and_errors_are_as_often_and_as_large_as_stated() {
+        let detector = Detector {
+            size_bias: 0.1,
+            ..Detector::default()
+        };
+        let world = world();
+        let count = 1000_u32;
+        let all: Vec<DetectedBox> = (0..count)
+            .flat_map(|exposure| detector.detect(&world, 0, (exposure, 0.0)))
+            .collect();
+        let (own, clutter): (Vec<DetectedBox>, _) =
+            all.iter().partition(|one| one.object.is_some());
+        assert!(
+            own.iter().all(|one| one.object == Some(0)),
+            "the other is no target"
+        );
+        let share = own.len() as f64 / f64::from(count);
+        assert!((share - 0.9).abs() < 0.03, "{share}");
+        let false_boxes = clutter.len() as f64 / f64::from(count);
+        assert!((false_boxes - 0.5).abs() < 0.07, "{false_boxes}");
+        // The outline of a ball of 0.2 m, 2 m away.
+        let radius_px = 400.0 * 0.2 / (4.0_f64 - 0.04).sqrt();
+        let left_px = own.iter().map(|one| one.sides_px[0]);
+        let mean_px = left_px.clone().sum::<f64>() / own.len() as f64;
+        assert!(
+            (mean_px - (319.5 - 1.1 * radius_px)).abs() < 0.4,
+            "{mean_px}"
+        );
+        let squares = left_px
+            .map(|left_px| (left_px - mean_px).powi(2))
+            .sum::<f64>();
+        let sigma_px = (squares / own.len() as f64).sqrt();
+        let ratio = sigma_px / (0.05 * 2.0 * radius_px);
+        assert!((0.93..1.07).contains(&ratio), "{ratio}");
+        let mean_score = |boxes: &[DetectedBox]| {
+            boxes.iter().map(|one| one.score).sum::<f64>() / boxes.len() as f64
+        };
+        assert!(mean_score(&own) > 0.6 && mean_score(&clutter) < 0.4);
+    }
+}

@@ -208,6 +208,37 @@ fn boxes_are_explained() {
 }
 
 #[test]
+fn a_simulated_detector_is_tracked() {
+    let place = tempfile::tempdir().unwrap();
+    let world = "seed = 2\nduration_s = 1.2\n[detector]\nfalse_per_image = 1\n[timing]\nfps = 25\n\
+        [cameras.cam1]\nsize_px = [160, 120]\nlook_from_m = [0, -6, 2]\nlook_at_m = [0, 0, 0.8]\n\
+        model.pinhole = { f_px = [150, 150], center_px = [79.5, 59.5] }\n\
+        [objects.person]\ntarget = true\nshape.cylinder = { radius_m = 0.25, height_m = 1.75 }\ncolor_srgb = [90, 90, 95]\n\
+        path.line = { position_m = [-1, 0, 0], velocity_mps = [1, 0.3, 0] }\n";
+    fs::write(place.path().join("world.toml"), world).unwrap();
+    Run::pardalis(&place, &["simulate", "world.toml", "-o", "made"]).fine();
+    let boxes = fs::read_to_string(place.path().join("made/detections/cam1.csv")).unwrap();
+    assert!(boxes.lines().count() > 30, "{boxes}");
+    Run::pardalis(
+        &place,
+        &["track", "made/scene.toml", "-o", "out", "--no-plots"],
+    )
+    .fine();
+    let run = Run::pardalis(&place, &["evaluate", "out", "made", "--json", "-"]).fine();
+    let figures: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    let person = &figures["targets"][0];
+    assert!(person["coverage"].as_f64().unwrap() > 0.8, "{person}");
+    let rmse_m = person["all"]["errors"]["position_m"]["rmse"]
+        .as_f64()
+        .unwrap();
+    assert!(rmse_m < 0.4, "{person}");
+    // The same seed gives the same boxes.
+    Run::pardalis(&place, &["simulate", "world.toml", "-o", "again"]).fine();
+    let again = fs::read_to_string(place.path().join("again/detections/cam1.csv")).unwrap();
+    assert_eq!(again, boxes);
+}
+
+#[test]
 fn files_that_do_not_suit_are_refused() {
     let place = Workplace::with_frames(3);
     let header = "frame,class,left_px,top_px,right_px,bottom_px\n";
@@ -225,6 +256,10 @@ fn files_that_do_not_suit_are_refused() {
             "boxes.csv, line 2, column right_px: holds \"nan\"",
         ),
         (header.to_owned(), "boxes.csv: has no rows"),
+        (
+            format!("{header}0,ball,1000,900,1040,940\n"),
+            "boxes.csv: 1 of 1 boxes are outside of the images, which are 640 x 480 pixels; are they in pixels of resized images?",
+        ),
     ] {
         place.write("boxes.csv", text);
         place

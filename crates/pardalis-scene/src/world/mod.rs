@@ -98,7 +98,7 @@ impl WorldConfig {
             .within(0.0..=100.0)
             .or(Self::DEFAULT_START_SIGMA_M);
         let about = "A detector whose boxes are written, too: the scene tracks the targets by them, and not by their colours.";
-        let detector = table.section("detector", about, read_detector);
+        let detector = table.section("detector", about, |table| Some(read_detector(table)));
         let ground = table.section("ground", "The floor.", read_ground);
         let about = "The background: the inside of a sphere around the world's origin.";
         let room = table.section("room", about, read_room);
@@ -124,9 +124,9 @@ impl WorldConfig {
     }
 }
 
-fn read_detector(table: &Table) -> Option<Detector> {
+fn read_detector(table: &Table) -> Detector {
     let default = Detector::default();
-    Some(Detector {
+    Detector {
         detection_probability: table
             .key(
                 "detection_probability",
@@ -149,7 +149,7 @@ fn read_detector(table: &Table) -> Option<Detector> {
             .key("size_bias", "Share by which all boxes are too large.")
             .within(-0.5..=1.0)
             .or(default.size_bias),
-    })
+    }
 }
 
 fn read_ground(table: &Table) -> Option<Ground> {
