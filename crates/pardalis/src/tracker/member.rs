@@ -4,7 +4,9 @@
 //! first, and what they explain is left out of what the others see. New members appear only where none that is known explains the frames.
 
 use super::TrackState;
+use super::track::Track;
 use crate::view::View;
+use pardalis_filter::bernoulli::BernoulliFilter;
 
 /// A body with less than this probability of existence is nobody. Hand-set.
 pub(super) const LEAST_EXISTENCE: f64 = 0.01;
@@ -26,10 +28,20 @@ pub(super) struct Member {
 
 /// What is known of a body after the frames of an instant.
 pub(super) struct Known {
-    pub(super) state: TrackState,
+    state: TrackState,
     /// Metres.
-    pub(super) position_m: Option<[f64; 3]>,
+    position_m: Option<[f64; 3]>,
     pub(super) existence: f64,
+}
+
+impl Known {
+    pub(super) fn of(track: &Track, filter: &BernoulliFilter) -> Self {
+        Self {
+            state: track.state(),
+            position_m: filter.estimate(0.0).map(|known| known.position_m),
+            existence: filter.existence(),
+        }
+    }
 }
 
 /// What became of the place of a member.

@@ -6,22 +6,25 @@
 
 mod body_box;
 mod fit;
+mod member;
+mod proposal;
 mod sight;
 #[cfg(test)]
 mod tests;
+mod update;
 
 use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::candidate::{Candidate, Origin, Verdict};
-use super::detected::{LookAlikes, Visibility, assigned_nats};
+use super::candidate::Candidate;
+use super::detected::{LookAlikes, Visibility};
 use super::existence::ExistenceSettings;
 use super::image_box::CameraBoxes;
-use super::member::{Change, Known, LEAST_EXISTENCE, Member};
+use super::member::Member;
 use super::settings::{BoxedSettings, DetectorSettings};
 use super::track::{Instant, Track, mean_log_ratio};
-use super::{BodyMeasurement, CameraId, Estimate, TrackState};
+use super::{BodyMeasurement, Estimate, TrackState};
 use crate::tuning::ExistenceTuning;
 use crate::view::View;
 use body_box::BodyBox;
@@ -31,20 +34,10 @@ use pardalis_core::rng::Draws;
 use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::GaussianStart;
-use sight::{Fit, Sight, clipped, share_within, sigma_px};
+use sight::{Fit, Sight};
 
-/// By how much a particle outside of the target's region is less likely, nats: it is impossible, but should all be outside, one must remain.
-const OUTSIDE_NATS: f32 = 50.0;
-/// Rays through boxes of one body pass each other by less than this, diameters. Hand-set.
-const MEETING_DIAMETERS: f64 = 1.0;
-/// The most squared standard deviations a side that boxes may leave for a body of that form. Hand-set.
-const MEETING_SQUARES: f64 = 12.0;
-/// Who may be new to a crowd, but less likely than this, is nobody in a frame without a box. Hand-set: one box among clutter is less, two in a row are more.
-const DOUBTFUL_EXISTENCE: f64 = 0.9;
 /// Before the first frames a body may have appeared for this long, seconds. Hand-set: a frame or two, so that no single box is believed.
 const FIRST_S: f64 = 0.05;
-/// A box that is less likely a body's by this because of others is theirs, nats. Hand-set.
-const TAKEN_NATS: f64 = 3.0;
 /// Bodies appear only where their box is at least this large, pixels. Hand-set: detectors find nothing smaller.
 const LEAST_PX: f64 = 8.0;
 /// Neighbouring frames share this part of the variance of boxes. Hand-set: a detector's errors vary little as long as what it sees does.
@@ -228,91 +221,6 @@ impl BoxedTarget {
         self.estimate(0.0)
     }
 
-    /// Takes the boxes of an instant, with the positions that they measure. Members of a crowd have the same ones.
-    fn see(&mut self, instant: &Instant) {
-        let Buffers {
-            sights,
-            time_s,
-            meetings,
-            met,
-            ..
-        } = &mut self.buffers;
-        if *time_s == Some(instant.time_s) {
-            return;
-        }
-        *time_s = Some(instant.time_s);
-        sights.clear();
-        let views = instant.views;
-        for boxes in instant.boxes {
-            if boxes.target == self.target {
-                let view = &views[boxes.camera];
-                let sights_of = boxes.boxes.iter();
-                let sights_of = sights_of
-                    .filter_map(|found| Sight::new(boxes.camera, view, found, &self.detector));
-                sights.extend(sights_of);
-            }
-        }
-        for sight in &mut *sights {
-            sight.fit = self.body.fit_one(views, sight);
-        }
-        meet(&self.body, views, sights, (meetings, met));
-    }
-
-    /// Notes which boxes may be another's.
-    fn assign(&mut self, look_alikes: &LookAlikes) {
-        for sight in &mut self.buffers.sights {
-            sight.assign(0.0);
-            let Some(fit) = &sight.fit else { continue };
-            let place_m = fit.position_m.into();
-            let others = look_alikes.densities(place_m, &fit.covariance_m2);
-            if others == [0.0; 2] {
-                continue;
-            }
-            let density = self.filter.predicted_density(place_m, &fit.covariance_m2);
-            let own = self.filter.located() * density;
-            // The density of clutter in the world, 1/m³ (1/m² on the ground).
-            let log_gain = sight.log_peak(fit.squares) + self.body.log_volume(&fit.covariance_m2);
-            let clutter = libm::exp(sight.log_odds - log_gain);
-            let likeness = libm::log(self.detector.detection_probability) + sight.log_odds;
-            sight.assign(assigned_nats(likeness, clutter, own, others));
-        }
-    }
-
-    /// Notes what speaks against each box.
-    fn judge(&mut self, views: &[View]) {
-        for sight in &self.buffers.sights {
-            let origin = Origin::Box(CameraId::new(sight.camera), sight.blob());
-            let verdict = match &sight.fit {
-                None if self.body.ground_z_m.is_some() => Verdict::OffGround,
-                None => Verdict::TooFar,
-                Some(fit) if !is_like(fit, 1) => Verdict::OtherOutline,
-                Some(fit) if !self.existence.region.contains(fit.position_m.into()) => {
-                    Verdict::OutsideRegion
-                }
-                Some(_) if sight.assigned() > TAKEN_NATS => Verdict::LookAlike,
-                Some(fit) if !self.is_possible(views, sight, fit) => Verdict::TooFar,
-                Some(_) => Verdict::Unconfirmed,
-            };
-            let mut candidate = Candidate::new(origin, verdict);
-            candidate.position_m = sight.fit.map(|fit| fit.position_m.into());
-            self.candidates.push(candidate);
-        }
-    }
-
-    /// Notes which boxes are the body's, once it is tracked. Others against which nothing speaks are its rivals; without a target, they are one another's.
-    fn conclude(&mut self) {
-        let is_tracking = self.track.state() == TrackState::Tracking;
-        let is_open = |candidate: &&Candidate| candidate.verdict == Verdict::Unconfirmed;
-        let has_rivals = self.candidates.iter().filter(is_open).count() > 1;
-        for (number, candidate) in self.candidates.iter_mut().enumerate() {
-            if is_tracking && self.buffers.own.contains(&number) {
-                candidate.verdict = Verdict::Target;
-            } else if (is_tracking || has_rivals) && candidate.verdict == Verdict::Unconfirmed {
-                candidate.verdict = Verdict::Rival;
-            }
-        }
-    }
-
     /// What became of each box of the latest frames.
     pub(super) fn candidates(&self) -> &[Candidate] {
         &self.candidates
@@ -320,166 +228,6 @@ impl BoxedTarget {
 
     pub(super) fn forget_candidates(&mut self) {
         self.candidates.clear();
-    }
-
-    /// Whether a body may appear where a box puts it, or is expected there.
-    fn is_possible(&self, views: &[View], sight: &Sight, fit: &Fit) -> bool {
-        let from_m = views[sight.camera].world_from_camera().translation.vector;
-        let may_appear = is_like(fit, 1) && (fit.position_m - from_m).norm() < self.reach_m;
-        may_appear || {
-            let place_m = fit.position_m.into();
-            let density = self.filter.predicted_density(place_m, &fit.covariance_m2);
-            self.filter.located() * density > self.birth_density
-        }
-    }
-
-    /// Proposes the positions that boxes measure, alone and together, if a body may appear there or is expected.
-    fn propose(&mut self, views: &[View]) {
-        let mut components = std::mem::take(&mut self.buffers.components);
-        let Buffers {
-            sights,
-            meetings,
-            met,
-            ..
-        } = &self.buffers;
-        components.clear();
-        let alone = sights.iter().filter_map(|sight| {
-            let fit = sight
-                .fit
-                .filter(|fit| self.is_possible(views, sight, fit))?;
-            let log_weight = sight.log_peak(fit.squares) + self.body.log_volume(&fit.covariance_m2);
-            Some(component(&fit, log_weight))
-        });
-        components.extend(alone);
-        components.extend(meetings.iter().map(|meeting| {
-            let sights = meeting.met.clone().map(|at| &sights[met[at]]);
-            let fit = &meeting.fit;
-            let peaks: f64 = sights.map(|sight| sight.log_peak(0.0)).sum();
-            let log_weight = peaks - 0.5 * fit.squares + self.body.log_volume(&fit.covariance_m2);
-            component(fit, log_weight)
-        }));
-        // Who may be new to a crowd takes one place, and leaves the others to others.
-        if self.member.is_some() && self.number().is_none() {
-            let likeliness = |component: &MeasurementComponent| {
-                let [xx, xy, xz, yy, yz, zz] = component.covariance_m2;
-                let covariance_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-                let density = self.filter.located()
-                    * self
-                        .filter
-                        .predicted_density(component.position_m, &covariance_m2);
-                component.log_weight + libm::log(density + self.birth_density)
-            };
-            let all = components.iter().map(likeliness).enumerate();
-            // Of two equal ones the first.
-            let best = all.reduce(|best, next| if next.1 > best.1 { next } else { best });
-            if let Some((best, _)) = best {
-                components.swap(0, best);
-                components.truncate(1);
-            }
-        }
-        self.buffers.components = components;
-    }
-
-    /// Updates existence and position.
-    fn update(&mut self, instant: &Instant) {
-        let (views, time_s) = (instant.views, instant.time_s);
-        let rates = &self.existence.occlusion;
-        let cameras = || {
-            let own = instant
-                .boxes
-                .iter()
-                .filter(|boxes| boxes.target == self.target);
-            own.map(|boxes| boxes.camera)
-        };
-        for camera in cameras() {
-            let visibility = &mut self.visibilities[camera];
-            let visibility = visibility.get_or_insert(Visibility::new(rates, time_s));
-            visibility.predict(rates, time_s);
-        }
-        let Self {
-            body,
-            detector,
-            existence,
-            filter,
-            visibilities,
-            log_ratios,
-            buffers,
-            ..
-        } = self;
-        let sights = &buffers.sights;
-        filter.update(&buffers.components, f64::INFINITY, |particles, out| {
-            out.fill(0.0);
-            let [x, y, z] = particles.positions_m();
-            let places = x.iter().zip(y).zip(z);
-            let places = places.map(|((&x, &y), &z)| [x, y, z].map(f64::from));
-            for boxes in instant.boxes {
-                if boxes.target != self.target {
-                    continue;
-                }
-                let view = &views[boxes.camera];
-                let of_camera = &mut log_ratios[boxes.camera];
-                of_camera.clear();
-                of_camera.extend(places.clone().map(|position_m| {
-                    let seen = sights.iter().filter(|sight| sight.camera == boxes.camera);
-                    log_ratio((&body.outline, view), position_m, seen, detector) as f32
-                }));
-                if let Some(visibility) = &visibilities[boxes.camera] {
-                    for (sum, &log_ratio) in out.iter_mut().zip(&*of_camera) {
-                        *sum += visibility.mixture_log_ratio(log_ratio);
-                    }
-                }
-            }
-            for (sum, position_m) in out.iter_mut().zip(places) {
-                if !existence.region.contains(position_m) {
-                    *sum -= OUTSIDE_NATS;
-                }
-            }
-        });
-        for boxes in instant.boxes {
-            if boxes.target == self.target
-                && let Some(visibility) = &mut self.visibilities[boxes.camera]
-            {
-                let log_ratios = &self.log_ratios[boxes.camera];
-                let seen = visibility.update(log_ratios, self.filter.weights(), 1.0);
-                self.track.note_observation(boxes.camera, time_s, seen);
-            }
-        }
-    }
-
-    /// Finds the boxes that are the body's, and where they put it.
-    fn find(&mut self, views: &[View]) {
-        let Buffers { sights, own, .. } = &mut self.buffers;
-        own.clear();
-        let Some(known) = self.filter.estimate(0.0) else {
-            return;
-        };
-        for (camera, view) in views.iter().enumerate() {
-            let outline = self.body.outline.sides_px(view, known.position_m, 1.0);
-            let Some(outline) = outline.map(|sides| clipped(sides, view.size())) else {
-                continue;
-            };
-            let likeness = |number: usize| {
-                let sight: &Sight = &sights[number];
-                sight.ratio(outline, sigma_px(outline, &self.detector))
-            };
-            let of_camera = (0..sights.len()).filter(|number| sights[*number].camera == camera);
-            let likely = of_camera.map(|number| (number, likeness(number)));
-            let likely = likely.filter(|(_, ratio)| *ratio > 1.0);
-            let best = likely.reduce(|best, next| if next.1 > best.1 { next } else { best });
-            own.extend(best.map(|(number, _)| number));
-        }
-        let fit = if own.is_empty() {
-            None
-        } else {
-            let own = own.iter().map(|number| &sights[*number]);
-            self.body.fit(views, own, known.position_m.into())
-        };
-        if let Some(fit) = fit {
-            self.drift_m = fit.drift_m;
-            let greatest_m2 = fit.covariance_m2.symmetric_eigenvalues().max();
-            self.near_m = (2.0 * libm::sqrt(greatest_m2)).max(self.body.diameter_m);
-        }
-        self.found = fit;
     }
 
     /// What the latest boxes say of the body by themselves; `None` if there was none of it.
@@ -572,179 +320,9 @@ impl BoxedTarget {
             );
         }
     }
-
-    /// Makes it the place of a member of a crowd.
-    pub(super) fn join_crowd(&mut self) {
-        self.member = Some(Member::default());
-    }
-
-    /// The number of the member of the crowd.
-    pub(super) fn number(&self) -> Option<u32> {
-        self.member?.number()
-    }
-
-    /// Whether there is nobody, nor probably anybody.
-    pub(super) fn is_free(&self) -> bool {
-        self.member.is_some()
-            && self.number().is_none()
-            && self.filter.existence() < LEAST_EXISTENCE
-    }
-
-    /// Takes the boxes, and what they measure, from another place of the same crowd.
-    pub(super) fn take_boxes(&mut self, other: &mut Self) {
-        std::mem::swap(&mut self.buffers, &mut other.buffers);
-    }
-
-    /// Updates who it is after it has seen the boxes of an instant.
-    pub(super) fn update_member(&mut self, next_number: &mut u32, (views, time_s): (&[View], f64)) {
-        let known = Known {
-            state: self.track.state(),
-            position_m: self.filter.estimate(0.0).map(|known| known.position_m),
-            existence: self.filter.existence(),
-        };
-        let Some(member) = &mut self.member else {
-            return;
-        };
-        match member.update(&known, next_number, (views, time_s)) {
-            Change::None => {
-                let is_new = member.number().is_none() && known.existence > 0.0;
-                if is_new && self.found.is_none() && known.existence < DOUBTFUL_EXISTENCE {
-                    self.forget();
-                }
-            }
-            Change::Found => self.set_births(0.0, 0.0),
-            Change::Gone => self.forget(),
-        }
-    }
-
-    /// Becomes nobody; the boxes of the instant are as before.
-    fn forget(&mut self) {
-        let time_s = self.buffers.time_s;
-        self.reset();
-        self.buffers.time_s = time_s;
-        self.track.set_started();
-    }
-
-    /// Somebody who is known does not appear anew elsewhere: that would be another member.
-    fn set_births(&mut self, birth_rate_hz: f64, relocation_rate_hz: f64) {
-        self.filter
-            .set_births(birth_rate_hz, relocation_rate_hz)
-            .expect("rates are checked before");
-    }
-}
-
-/// The log-likelihood ratio of the boxes in one camera's image, given that a body is at a position (metres), against no body.
-fn log_ratio<'s>(
-    (outline, view): (&BodyBox, &View),
-    position_m: [f64; 3],
-    sights: impl Iterator<Item = &'s Sight>,
-    detector: &DetectorSettings,
-) -> f64 {
-    let Some(sides_px) = outline.sides_px(view, position_m, 1.0) else {
-        return 0.0;
-    };
-    let seen = detection_probability(view, sides_px, detector);
-    if seen == 0.0 {
-        return 0.0;
-    }
-    let body_px = clipped(sides_px, view.size());
-    let sigma_px = sigma_px(body_px, detector);
-    let ratios = sights.map(|sight| sight.ratio(body_px, sigma_px));
-    libm::log(1.0 - seen + seen * ratios.sum::<f64>())
-}
-
-/// The probability that a body with this box (pixels) is detected: less if most of it is out of the image, none if its middle is masked.
-fn detection_probability(view: &View, sides_px: [f64; 4], detector: &DetectorSettings) -> f64 {
-    let share = share_within(sides_px, view.size());
-    let [u0, v0, u1, v1] = clipped(sides_px, view.size());
-    let middle = [0.5 * (u0 + u1), 0.5 * (v0 + v1)].map(|v| v as f32);
-    if share > 0.0 && view.holds_point(middle) {
-        detector.detection_probability * (2.0 * share).min(1.0)
-    } else {
-        0.0
-    }
-}
-
-/// Whether a fit leaves so little of this number of boxes that they have the body's form.
-fn is_like(fit: &Fit, boxes: usize) -> bool {
-    fit.squares < MEETING_SQUARES * 4.0 * boxes as f64
-}
-
-fn component(fit: &Fit, log_weight: f64) -> MeasurementComponent {
-    MeasurementComponent {
-        position_m: fit.position_m.into(),
-        covariance_m2: upper(&fit.covariance_m2),
-        log_weight,
-    }
 }
 
 /// The upper triangle: xx, xy, xz, yy, yz, zz.
 fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
     [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| matrix[at])
-}
-
-/// Finds where rays through boxes of several cameras meet: each box of the first camera of a meeting with the nearest of every other.
-fn meet(
-    body: &Body,
-    views: &[View],
-    sights: &[Sight],
-    (meetings, met): (&mut Vec<Meeting>, &mut Vec<usize>),
-) {
-    meetings.clear();
-    met.clear();
-    let ray = |number: usize| {
-        let sight: &Sight = &sights[number];
-        sight.ray(&views[sight.camera])
-    };
-    for number in 0..sights.len() {
-        let camera = sights[number].camera;
-        let Some((origin, direction)) = ray(number) else {
-            continue;
-        };
-        let first = met.len();
-        met.push(number);
-        let mut along_m = 0.0;
-        for other_camera in camera + 1..views.len() {
-            let others = (0..sights.len()).filter(|other| sights[*other].camera == other_camera);
-            let gaps = others.filter_map(|other| {
-                let (other_origin, other_direction) = ray(other)?;
-                let between = other_origin - origin;
-                let normal = direction.cross(&other_direction);
-                let (along, gap_m) = if normal.norm_squared() > 1e-12 {
-                    let along =
-                        between.cross(&other_direction).dot(&normal) / normal.norm_squared();
-                    (along, between.dot(&normal).abs() / normal.norm())
-                } else {
-                    return None;
-                };
-                (along > 0.0 && gap_m < MEETING_DIAMETERS * body.diameter_m)
-                    .then_some((other, along, gap_m))
-            });
-            let nearest = gaps.reduce(|best, next| if next.2 < best.2 { next } else { best });
-            if let Some((other, along, _)) = nearest {
-                met.push(other);
-                along_m += along;
-            }
-        }
-        let count = met.len() - first;
-        let fit = (count > 1).then(|| {
-            let mean_m = along_m / (count - 1) as f64;
-            let middle_m = (origin + mean_m * direction).coords;
-            let start_m = middle_m - Vector3::new(0.0, 0.0, body.outline.middle_m());
-            body.fit(
-                views,
-                met[first..].iter().map(|number| &sights[*number]),
-                start_m,
-            )
-        });
-        match fit.flatten() {
-            Some(fit) if is_like(&fit, count) => {
-                meetings.push(Meeting {
-                    fit,
-                    met: first..met.len(),
-                });
-            }
-            _ => met.truncate(first),
-        }
-    }
 }

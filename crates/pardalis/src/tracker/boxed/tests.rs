@@ -1,5 +1,6 @@
 //! The likelihood and the fit of boxes.
 
+use super::update::log_ratio;
 use super::*;
 use crate::reference::boxes_log_ratio;
 use crate::shape::{Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};

@@ -38,11 +38,7 @@ impl DetectedTarget {
         next_number: &mut u32,
         (views, time_s): (&[View], f64),
     ) {
-        let known = Known {
-            state: self.track.state(),
-            position_m: self.filter.estimate(0.0).map(|known| known.position_m),
-            existence: self.filter.existence(),
-        };
+        let known = Known::of(&self.track, &self.filter);
         let Some(member) = &mut self.member else {
             return;
         };
