@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use libm::hypot;
 use pardalis::shape::Stance;
-use pardalis::tracker::{TrackState, Verdict};
+use pardalis::tracker::{Candidate, Origin, TrackState, Verdict};
 use pardalis::view::View;
 use pardalis::{CameraId, Estimate, TargetId};
 use pardalis_filter::Particles;
@@ -122,8 +122,9 @@ impl Annotator {
     }
 
     /// Returns the trail of each target, dashed where it was occluded, its particles, the contours of the best particle in
-    /// white and those of the mean in black, as in the paper; the black ones wider, so that they show where both agree.
-    fn marks(&self, instant: &Instant, view: &View) -> Result<Vec<Mark>> {
+    /// white and those of the mean in black, as in the paper; the black ones wider, so that they show where both agree. Boxes of other programs as well.
+    fn marks(&self, instant: &Instant, camera: CameraId) -> Result<Vec<Mark>> {
+        let view = &instant.tracker.views()[camera.index()];
         let mut marks = Vec::new();
         for (key, trail) in &self.trails {
             push_trail(&mut marks, trail, view, color_of(*key));
@@ -132,6 +133,16 @@ impl Annotator {
             let id = TargetId::new(number);
             let now = instant.tracker.bodies_at(id, instant.time_s)?;
             let clouds: Vec<&Particles> = instant.tracker.particles(id)?.collect();
+            // All places of a crowd have the same boxes.
+            let mut examined = instant.tracker.candidates(id)?;
+            if let Some(candidates) = examined.find(|candidates| !candidates.is_empty()) {
+                push_boxes(
+                    &mut marks,
+                    candidates,
+                    camera,
+                    PALETTE[number % PALETTE.len()],
+                );
+            }
             for (place, body, member) in instant.bodies(number, target) {
                 let now = &now[place];
                 let (Some(known), Some(particles)) = (&now.kinematics, clouds.get(place)) else {
@@ -256,6 +267,34 @@ fn push_trail(marks: &mut Vec<Mark>, trail: &Trail, view: &View, color: [u8; 3])
         marks.push(Mark {
             shape,
             points_px,
+            color,
+        });
+    }
+}
+
+/// Adds the boxes that another program found in a camera's image.
+fn push_boxes(marks: &mut Vec<Mark>, candidates: &[Candidate], camera: CameraId, color: [u8; 3]) {
+    for candidate in candidates {
+        let Origin::Box(of, blob) = &candidate.origin else {
+            continue;
+        };
+        if *of != camera {
+            continue;
+        }
+        let [u, v] = blob.centroid_px;
+        // Those of a box that is filled evenly.
+        let [across, down] = [0, 2].map(|axis| (3.0 * blob.covariance_px2[axis]).sqrt());
+        let corners = [
+            [-1.0, -1.0],
+            [1.0, -1.0],
+            [1.0, 1.0],
+            [-1.0, 1.0],
+            [-1.0, -1.0],
+        ];
+        let corner = |[x, y]: [f64; 2]| Some([u + x * across, v + y * down]);
+        marks.push(Mark {
+            shape: Shape::Line,
+            points_px: corners.map(corner).to_vec(),
             color,
         });
     }
@@ -440,7 +479,7 @@ impl Sink for Annotator {
                     Some(zoomed(body, now, position_m, view))
                 });
             let overlay = Overlay {
-                marks: self.marks(instant, view)?,
+                marks: self.marks(instant, CameraId::new(*camera))?,
                 notes: self.notes(instant, CameraId::new(*camera))?,
                 label: self.label(instant),
                 zoom: zoom.flatten(),

@@ -98,7 +98,6 @@ fn boxes_of_a_file_are_tracked() {
             .sqrt();
         assert!(off_m < 0.2 && row[3] == "tracking", "{row:?} {truth_m:?}");
     }
-    assert!(place.path("out/annotated/000039.jpg").is_file());
     // Its class has another name than the target, or there are none.
     place.write("boxes.csv", file().replace("ball", "sports ball"));
     let named = scene().replace("detector = {}", "detector.class = \"sports ball\"");
@@ -236,6 +235,28 @@ fn a_simulated_detector_is_tracked() {
     Run::pardalis(&place, &["simulate", "world.toml", "-o", "again"]).fine();
     let again = fs::read_to_string(place.path().join("again/detections/cam1.csv")).unwrap();
     assert_eq!(again, boxes);
+}
+
+#[test]
+fn annotated_frames_show_the_boxes() {
+    let place = Workplace::with_frames(2);
+    let header = "frame,left_px,top_px,right_px,bottom_px\n";
+    // The picture at the middle of the right side of the second box; the target's colour is blue.
+    let blue = |boxes: &str| {
+        place.write("boxes.csv", format!("{header}{boxes}"));
+        place.track_with(scene(), &["-o", "out", "--no-plots", "--annotate"]);
+        let drawn = fs::read(place.path("out/annotated/000001.jpg")).unwrap();
+        let image = pardalis_images::decode(&drawn).unwrap();
+        let (width, height) = image.size_px();
+        assert!(height >= 480, "{width} x {height}");
+        // A title may be above the image.
+        let pixel = |row: usize| &image.as_raw()[3 * (row * width + 260)..][..3];
+        (height - 480 + 310..height - 480 + 350)
+            .filter(|&row| i32::from(pixel(row)[2]) > i32::from(pixel(row)[0]) + 60)
+            .count()
+    };
+    assert_eq!(blue("0,200,300,260,360\n"), 0);
+    assert!(blue("1,200,300,260,360\n") > 35);
 }
 
 #[test]
