@@ -1,6 +1,7 @@
 //! Searches while the target is tracked.
 
 use pardalis::camera::Pose;
+use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::tracker::{Origin, Verdict};
 use pardalis::{CameraId, FrameSet, TargetId, Tracker};
 use pardalis_core::simd::Level;
@@ -30,13 +31,14 @@ fn only_what_is_not_the_target_already_is_fitted_in_searches_by_several_cameras(
     };
     let smaller = Thing {
         radius_px: 13.0,
-        middle_px: [ball.middle_px[0] + 90.0, CENTER_PX[1] + 40.0],
+        // In the same row, so that rays of one meet those of the other.
+        middle_px: [ball.middle_px[0] + 90.0, CENTER_PX[1]],
         ..ball
     };
     let views = [0.0, BESIDE_M].map(|x_m| view(Pose::translation(x_m, 0.0, 0.0)));
     let settings = vec![settings_of(ball)];
     let mut tracker = Tracker::new(views.to_vec(), settings, 1, Level::best()).unwrap();
-    let [mut of_ball, mut of_smaller] = [0; 2];
+    let [mut of_ball, mut of_smaller, mut rays_left_out] = [0; 3];
     for number in 0..30 {
         let time_s = f64::from(number) / FPS;
         let things = [ball, smaller];
@@ -50,6 +52,13 @@ fn only_what_is_not_the_target_already_is_fitted_in_searches_by_several_cameras(
             continue;
         }
         for candidate in tracker.candidates(TargetId::new(0)).unwrap().flatten() {
+            // Where the ball's ray in one camera meets that of the smaller thing in the other, much nearer than both.
+            if let (Origin::Rays, Some([.., z_m])) = (candidate.origin, candidate.position_m)
+                && z_m < 1.0
+            {
+                assert_eq!(candidate.verdict, Verdict::SamePlace, "{number}");
+                rays_left_out += 1;
+            }
             let Origin::Blob(_, blob) = candidate.origin else {
                 continue;
             };
@@ -65,4 +74,51 @@ fn only_what_is_not_the_target_already_is_fitted_in_searches_by_several_cameras(
     }
     // Whole images are searched at least once in ten frames.
     assert!(of_ball >= 4 && of_smaller >= 2, "{of_ball} {of_smaller}");
+    assert!(rays_left_out >= 2, "{rays_left_out}");
+}
+
+#[test]
+fn whole_images_are_searched_for_one_target_at_a_time() {
+    let ball = Thing {
+        exponent: 2.0,
+        radius_px: 26.0,
+        middle_px: CENTER_PX,
+    };
+    // Three targets of different sizes, which all take it for theirs.
+    let target = |larger: f64| {
+        let mut settings = settings_of(ball);
+        let radius_m = larger * RADIUS_M;
+        settings.shape = Shape::Sphere(Sphere::new(radius_m, SphereOutline::Tangent).unwrap());
+        settings
+    };
+    let targets = [1.0, 1.1, 1.2].map(target).to_vec();
+    let views = vec![view(Pose::identity())];
+    let mut tracker = Tracker::new(views, targets, 1, Level::best()).unwrap();
+    let mut searches = [0; 3];
+    for number in 0..42 {
+        let frame = shown(&[ball], &[], f64::from(number) / FPS);
+        tracker
+            .observe(&FrameSet::of(CameraId::new(0), frame))
+            .unwrap();
+        if number < 12 {
+            // They are only just found.
+            continue;
+        }
+        let before = searches;
+        for (target, searches) in searches.iter_mut().enumerate() {
+            let mut candidates = tracker.candidates(TargetId::new(target)).unwrap().flatten();
+            *searches += i32::from(candidates.any(|one| one.origin != Origin::Prediction));
+        }
+        let now: i32 = searches
+            .iter()
+            .zip(before)
+            .map(|(now, before)| now - before)
+            .sum();
+        assert!(now <= 1, "{number}: {before:?} {searches:?}");
+    }
+    // Once in ten frames each.
+    assert!(
+        searches.iter().all(|count| (2..=4).contains(count)),
+        "{searches:?}"
+    );
 }
