@@ -21,6 +21,9 @@ pub(crate) const MOT_COLUMNS: [&str; 10] = [
 /// The columns of files with a header.
 const COLUMNS: &str = "frame,left_px,top_px,right_px,bottom_px or frame,u_px,v_px,radius_px, and optionally class and score";
 
+/// Classes of a file that a message names.
+const NAMED_CLASSES: usize = 10;
+
 /// What was detected in the images of all cameras of a scene.
 #[derive(Debug, Default)]
 pub(crate) struct Detections {
@@ -37,6 +40,8 @@ pub(crate) struct CameraDetections {
     frames: FrameRange,
     /// By the number of the frame in the recording.
     boxes: HashMap<usize, Vec<(TargetId, ImageBox)>>,
+    /// The first classes in the file.
+    classes: Vec<String>,
 }
 
 /// One box of a file.
@@ -63,6 +68,25 @@ impl Detections {
     /// Adds those of the next camera.
     pub(crate) fn push(&mut self, camera: Option<CameraDetections>) {
         self.cameras.push(camera);
+    }
+
+    /// Fails if no file has a box of any of these targets. A single camera may never see them.
+    pub(crate) fn check(&self, targets: &[TargetConfig]) -> Result<()> {
+        let mut files = self.cameras.iter().flatten().peekable();
+        if files.peek().is_none() || files.clone().any(|camera| !camera.boxes.is_empty()) {
+            return Ok(());
+        }
+        let wanted: Vec<&str> = targets.iter().filter_map(class_of).collect();
+        let mut found: Vec<&str> = files
+            .flat_map(|camera| camera.classes.iter().map(String::as_str))
+            .collect();
+        found.sort_unstable();
+        found.dedup();
+        Err(user_error!(
+            "no box is of the class {}; found: {}; give detector.class",
+            wanted.join(" or "),
+            found.join(", ")
+        ))
     }
 
     /// Adds what was detected in the images of a set, of which each camera's is the one with this number among those that it has delivered.
@@ -131,7 +155,6 @@ impl CameraDetections {
             .filter_map(|(number, target)| Some((TargetId::new(number), class_of(target)?)))
             .collect();
         let mut boxes: HashMap<usize, Vec<(TargetId, ImageBox)>> = HashMap::new();
-        let mut used = 0;
         for found in &all {
             let targets = classes
                 .iter()
@@ -141,22 +164,7 @@ impl CameraDetections {
                     .entry(found.frame)
                     .or_default()
                     .push((*target, found.found));
-                used += 1;
             }
-        }
-        if used == 0 {
-            let wanted: Vec<&str> = classes.iter().map(|(_, class)| *class).collect();
-            let mut classes: Vec<&str> =
-                all.iter().filter_map(|one| one.class.as_deref()).collect();
-            classes.sort_unstable();
-            classes.dedup();
-            classes.truncate(10);
-            return Err(user_error!(
-                "{}: no box is of the class {}; found: {}; give detector.class",
-                path.shown(),
-                wanted.join(" or "),
-                classes.join(", ")
-            ));
         }
         let has_classes = all.iter().any(|found| found.class.is_some());
         if classes.len() > 1 && !has_classes {
@@ -166,9 +174,14 @@ impl CameraDetections {
                 classes.len()
             ));
         }
+        let mut others: Vec<String> = all.into_iter().filter_map(|one| one.class).collect();
+        others.sort_unstable();
+        others.dedup();
+        others.truncate(NAMED_CLASSES);
         Ok(Self {
             frames: range,
             boxes,
+            classes: others,
         })
     }
 }
@@ -292,6 +305,36 @@ mod tests {
     }
 
     #[test]
+    fn one_camera_may_never_see_a_target_but_not_all() {
+        let found = ImageBox::new([1.0, 2.0, 3.0, 4.0]).unwrap();
+        let camera = |boxes: &[(TargetId, ImageBox)]| {
+            let boxes = boxes.iter().map(|one| (0, vec![*one]));
+            Some(CameraDetections {
+                frames: FrameRange::ALL,
+                boxes: boxes.collect(),
+                classes: vec!["cup".to_owned()],
+            })
+        };
+        let all = |cameras| Detections {
+            cameras,
+            targets: vec![TargetId::new(0)],
+        };
+        let sees = [(TargetId::new(0), found)];
+        assert!(
+            all(vec![camera(&[]), None, camera(&sees)])
+                .check(&[])
+                .is_ok()
+        );
+        let error = all(vec![camera(&[]), camera(&[])]).check(&[]).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("found: cup; give detector.class"),
+            "{error}"
+        );
+    }
+
+    #[test]
     fn errors_name_the_line() {
         for (text, wanted) in [
             (
@@ -317,6 +360,10 @@ mod tests {
             (
                 "frame,left_px,top_px,right_px,bottom_px\n-1,1,2,3,4\n",
                 "line 2, column frame: holds \"-1\"",
+            ),
+            (
+                "frame;left_px;top_px\n0;1,5;2,5\n",
+                "line 1: the columns are separated by semicolons",
             ),
             ("0,-1,1,1,2,2,1\n", "line 1: frame 0"),
             ("1,-1,1,1,2,2,1\n1,-1,1,1,0,2,1\n", "line 2: box is"),

@@ -89,7 +89,8 @@ enum Command {
 
 /// Runs the command of a command line, whose first argument is the name of the program, and returns the exit code.
 ///
-/// `file` is what the program is in, next to which its data are searched and by which other versions are told apart.
+/// `file` is the executable or library that contains the program. The bundled data are looked for in the folders above it, and results of earlier versions are
+/// recognised by its size and time.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, file: Option<PathBuf>) -> u8 {
     if let Some(file) = file {
         program_file::set(file);

@@ -320,6 +320,17 @@ impl Parts {
             let read = read.map_err(|problem| self.problems.push(problem));
             self.detections.push(read.ok().flatten());
         }
+        let mut files = self
+            .scene
+            .cameras
+            .iter()
+            .filter_map(|c| c.detections.as_ref());
+        if let (Some(file), Err(error)) = (files.next(), self.detections.check(&self.scene.targets))
+        {
+            let path = resolve(folder, &file.value);
+            self.problems
+                .push(file.problem(format!("{}: {error:#}", path.shown())));
+        }
     }
 
     /// Reads the motion of all platforms. Stills are at no time, and are taken where the platform's frame is the world's.

@@ -240,88 +240,50 @@ impl Table {
         input: impl Read,
         columns: &[&str],
     ) -> Result<Self> {
-        let mut table = Self::from_reader_of(path, input, false)?;
-        let first = table.records[0].get(0).unwrap_or_default();
-        table.has_header = first.parse::<f64>().is_err();
-        if table.has_header {
-            table.header = table.records.remove(0);
-            return table.checked();
-        }
-        let count = table.header.len();
-        // The shortest such files say where boxes are and how sure that is.
-        if !(6..=columns.len()).contains(&count) {
-            return Err(user_error!(
-                "{}, line 1: has {count} cells; without a header, needed: {}",
-                path.shown(),
-                columns.join(",")
-            ));
-        }
-        table.header = columns[..count].iter().collect();
-        Ok(table)
+        Self::from_reader_of(path, input, Some(columns))
     }
 
     /// Reads a table from `input`. Errors name `path`.
     pub(crate) fn from_reader(path: &Path, input: impl Read) -> Result<Self> {
-        Self::from_reader_of(path, input, true)?.checked()
+        Self::from_reader_of(path, input, None)
     }
 
-    /// Reads the rows from `input`, of which the first may be the header.
-    fn from_reader_of(path: &Path, input: impl Read, has_header: bool) -> Result<Self> {
+    /// Reads a table from `input`, whose columns are the first ones of `columns` if it begins with a number.
+    fn from_reader_of(path: &Path, input: impl Read, columns: Option<&[&str]>) -> Result<Self> {
         let failed = |error: csv::Error| csv_error(path, &error);
         let mut reader = ReaderBuilder::new()
             .trim(Trim::All)
-            .has_headers(has_header)
+            .has_headers(columns.is_none())
             .from_reader(input);
-        let header = reader.headers().map_err(failed)?.clone();
-        let records: Vec<StringRecord> =
-            reader.records().collect::<Result<_, _>>().map_err(failed)?;
-        let table = Self {
+        // The first row, whatever it is.
+        let first = reader.headers().map_err(failed)?.clone();
+        let is_number = first.get(0).is_some_and(|cell| cell.parse::<f64>().is_ok());
+        let without_header = columns.filter(|_| is_number);
+        let header = if let Some(columns) = without_header {
+            columns_of(path, &first, columns)?
+        } else {
+            check_header(path, &first)?;
+            first
+        };
+        let records = reader.records();
+        // Read as a row before it was known to be the header.
+        let repeated = usize::from(columns.is_some() && !is_number);
+        let records: Vec<StringRecord> = records
+            .skip(repeated)
+            .collect::<Result<_, _>>()
+            .map_err(failed)?;
+        if records.is_empty() {
+            return Err(user_error!(
+                "{}: has no rows; needed: a header line and at least one row",
+                path.shown()
+            ));
+        }
+        Ok(Self {
             path: path.to_owned(),
-            has_header,
+            has_header: without_header.is_none(),
             header,
             records,
-        };
-        if table.records.is_empty() && !has_header {
-            return Err(table.has_no_rows());
-        }
-        Ok(table)
-    }
-
-    /// Fails if the header has a fault, or there is nothing below it.
-    fn checked(self) -> Result<Self> {
-        let Self { path, header, .. } = &self;
-        let separators = [(';', "semicolons"), ('\t', "tabs")];
-        if header.len() == 1
-            && let Some((_, name)) = separators.iter().find(|(c, _)| header[0].contains(*c))
-        {
-            return Err(user_error!(
-                "{}, line 1: the columns are separated by {name}; they must be separated by commas, and numbers have a decimal point",
-                path.shown()
-            ));
-        }
-        if let Some(twice) = header.iter().enumerate().find_map(|(i, name)| {
-            header
-                .iter()
-                .take(i)
-                .any(|before| before == name)
-                .then_some(name)
-        }) {
-            return Err(user_error!(
-                "{}, line 1: column \"{twice}\" occurs twice; allowed: each column once",
-                path.shown()
-            ));
-        }
-        if self.records.is_empty() {
-            return Err(self.has_no_rows());
-        }
-        Ok(self)
-    }
-
-    fn has_no_rows(&self) -> anyhow::Error {
-        user_error!(
-            "{}: has no rows; needed: a header line and at least one row",
-            self.path.shown()
-        )
+        })
     }
 
     /// Returns whether the file has a header.
@@ -503,6 +465,43 @@ impl Row<'_> {
     }
 }
 
+/// Fails if a header has a fault.
+fn check_header(path: &Path, header: &StringRecord) -> Result<()> {
+    let separators = [(';', "semicolons"), ('\t', "tabs")];
+    if header.len() == 1
+        && let Some((_, name)) = separators.iter().find(|(c, _)| header[0].contains(*c))
+    {
+        return Err(user_error!(
+            "{}, line 1: the columns are separated by {name}; they must be separated by commas, and numbers have a decimal point",
+            path.shown()
+        ));
+    }
+    let mut names = header.iter().enumerate();
+    let is_second =
+        |(i, name): &(usize, &str)| header.iter().take(*i).any(|before| before == *name);
+    if let Some((_, twice)) = names.find(is_second) {
+        return Err(user_error!(
+            "{}, line 1: column \"{twice}\" occurs twice; allowed: each column once",
+            path.shown()
+        ));
+    }
+    Ok(())
+}
+
+/// Returns the columns of a file without a header, of which this is the first row.
+fn columns_of(path: &Path, first: &StringRecord, columns: &[&str]) -> Result<StringRecord> {
+    let count = first.len();
+    // The shortest such files say where boxes are.
+    if !(6..=columns.len()).contains(&count) {
+        return Err(user_error!(
+            "{}, line 1: has {count} cells; without a header, needed: {}",
+            path.shown(),
+            columns.join(",")
+        ));
+    }
+    Ok(columns[..count].iter().collect())
+}
+
 /// Opens a file that may be read as a table.
 fn open(path: &Path) -> Result<impl Read> {
     let unreadable = |error: std::io::Error| csv_error(path, &error.into());
@@ -588,6 +587,18 @@ mod tests {
         assert_eq!(rows[1].1.visible_fraction, Some(0.25));
         assert_eq!(rows[1].1.position_m, [1.0, 2.0, 3.0]);
         assert_eq!(rows[1].1.velocity_mps, None);
+    }
+
+    #[test]
+    fn separators_are_named_before_the_rows_are_read() {
+        let text = "time_s;target;x_m;y_m;z_m\n0;ball;1,5;2,5;3\n";
+        let error = read("separators", text, read_tracks)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("line 1: the columns are separated by semicolons"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -7,7 +7,7 @@ use pardalis::tracker::DetectorSettings;
 /// A detector, and which of its boxes are a target's.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DetectorConfig {
-    /// What is known of it.
+    /// Its error rates and precision.
     pub settings: DetectorSettings,
     /// The class of the target's boxes; `None` for that with the target's name.
     pub class: Option<String>,

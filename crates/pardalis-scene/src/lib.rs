@@ -9,6 +9,7 @@ mod camera_names;
 mod crossing;
 pub mod description;
 mod detector;
+mod existence;
 pub mod experiment;
 mod guesses;
 mod journal;

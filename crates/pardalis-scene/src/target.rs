@@ -5,6 +5,7 @@ use super::camera_names::CameraNames;
 use super::crossing::{CrossingConfig, read_crossing};
 use super::description::{Presence, above};
 use super::detector::{DetectorConfig, read_detector};
+use super::existence::read_existence;
 use super::motion::read_motion;
 use super::reader::{Located, Table};
 use super::setting::Word;
@@ -15,7 +16,7 @@ use pardalis::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
 use pardalis::tracker::{
-    BodySettings, BoxedSettings, DetectedSettings, ExistenceSettings, InitializedSettings, Region,
+    BodySettings, BoxedSettings, DetectedSettings, ExistenceSettings, InitializedSettings,
     SizeTolerance, TargetSettings,
 };
 use pardalis_core::Error;
@@ -674,93 +675,6 @@ fn read_detected_start(
         return Err(());
     }
     Ok(Some(start))
-}
-
-/// Reads where a detected target can be.
-fn read_region(existence: &Table) -> Option<Region> {
-    let about = "Where the target can be: the range of its position along each axis of the world. Candidates outside it are ruled out.";
-    existence.section("region", about, |table| {
-        let mut region = Region::default();
-        let about = [
-            "Least and greatest x.",
-            "Least and greatest y.",
-            "Least and greatest z: [0, 3] is above the floor and below the ceiling.",
-        ];
-        for (axis, name) in ["x_m", "y_m", "z_m"].into_iter().enumerate() {
-            let key = table.key(name, about[axis]).depends("anywhere");
-            if let Some([least, greatest]) = key.optional::<[f64; 2]>() {
-                (region.min_m[axis], region.max_m[axis]) = (least, greatest);
-            }
-        }
-        table.checked(region.check())?;
-        Some(region)
-    })
-}
-
-/// Reads how a detected target appears, disappears and becomes occluded.
-fn read_existence(table: &Table, default: ExistenceSettings) -> Option<ExistenceSettings> {
-    let about = "How often the target appears, disappears and is occluded. Only for targets with the edge cue or a detector.";
-    let settings = table.section("existence", about, |existence| {
-        let rate = |name, about, default| {
-            let key = existence.key(name, about).within(0.0..=1000.0);
-            key.or(default)
-        };
-        let mut settings = default;
-        settings.birth_rate_hz = rate(
-            "birth_rate_hz",
-            "Rate at which an absent target appears.",
-            default.birth_rate_hz,
-        );
-        settings.death_rate_hz = rate(
-            "death_rate_hz",
-            "Rate at which a present target disappears.",
-            default.death_rate_hz,
-        );
-        settings.relocation_rate_hz = rate(
-            "relocation_rate_hz",
-            "Rate at which the target is moved to an arbitrary position.",
-            default.relocation_rate_hz,
-        );
-        settings.velocity_jump_rate_hz = rate(
-            "velocity_jump_rate_hz",
-            "Rate of velocity jumps, such as bounces and kicks; 0 by default for targets with a detector that are no balls.",
-            default.velocity_jump_rate_hz,
-        );
-        settings.velocity_jump_sigma_mps = rate(
-            "velocity_jump_sigma_mps",
-            "Standard deviation of the change of velocity in a jump, on each axis.",
-            default.velocity_jump_sigma_mps,
-        );
-        settings.occlusion.occlusion_hz = rate(
-            "occlusion_rate_hz",
-            "Rate at which a visible target becomes occluded in a camera.",
-            default.occlusion.occlusion_hz,
-        );
-        settings.occlusion.reappearance_hz = existence
-            .key(
-                "reappearance_rate_hz",
-                "Rate at which an occluded target becomes visible again.",
-            )
-            .within(above(0.0, 1000.0))
-            .or(default.occlusion.reappearance_hz);
-        settings.ground_z_m = existence
-            .key(
-                "ground_z_m",
-                "Height of the ground in the world, for targets that stay on it.",
-            )
-            .within(-1e6..=1e6)
-            .or(default.ground_z_m);
-        if let Some(region) = read_region(existence) {
-            settings.region = region;
-        }
-        existence.checked(settings.check())?;
-        Some(settings)
-    });
-    if table.has("existence") {
-        settings
-    } else {
-        Some(default)
-    }
 }
 
 /// Description of the table `filter`.

@@ -45,7 +45,8 @@ pub struct Estimate {
     pub heading_sigma_rad: Option<f64>,
     /// The radius of a detected ball, once several cameras have seen it, or one if it stays on the ground. `None` if it is not estimated.
     pub radius: Option<RadiusEstimate>,
-    /// The filter's own probability that the target is within one diameter of the position; for an initialised target,
+    /// The filter's own probability that the target is within one diameter of the position (of a boxed target, or within twice the standard deviation of what a box tells, if
+    /// that is more); for an initialised target,
     /// given that it is there, unless it was located in a single image. Without a position: the probability that a
     /// detected target exists and is visible; 0 for an initialised one.
     pub confidence: f64,

@@ -26,7 +26,7 @@ pub(super) struct Member {
     lost_s: Option<f64>,
 }
 
-/// What is known of a body after the frames of an instant.
+/// State, position and existence of a body after an update.
 pub(super) struct Known {
     state: TrackState,
     /// Metres.

@@ -259,7 +259,7 @@ impl InitializedSettings {
 pub struct BoxedSettings {
     /// Its shape, which makes a distance of the size of its box.
     pub shape: Shape,
-    /// What is known of the detector.
+    /// The detector's error rates and precision.
     pub detector: DetectorSettings,
     /// Motion model, as in [`DetectedSettings::motion`].
     pub motion: Motion,
@@ -302,7 +302,7 @@ impl BoxedSettings {
     }
 }
 
-/// What is known of a detector that gives boxes.
+/// Error rates and precision of a detector that gives boxes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct DetectorSettings {

@@ -99,7 +99,7 @@ impl Body {
             by_size: Vector3::zeros(),
         };
         let free_axes = if self.ground_z_m.is_some() { 2 } else { 3 };
-        let step_m = LEAST_STEP.max(1e-7) * nearest_m(views, sights.clone(), position_m);
+        let step_m = LEAST_STEP * nearest_m(views, sights.clone(), position_m);
         for sight in sights {
             let view = &views[sight.camera];
             let sides = |position_m: Vector3<f64>, scale: f64| {
@@ -135,13 +135,13 @@ impl Body {
     pub(super) fn fit_one(&self, views: &[View], sight: &Sight) -> Option<Fit> {
         let view = &views[sight.camera];
         let (origin, direction) = sight.ray(view)?;
+        let by_size = self.start_by_size(view, sight, (origin, direction));
         let sight = std::iter::once(sight);
         let on_ground = self.ground_z_m.and_then(|z| {
             let along_m = (z + self.outline.middle_m() - origin.z) / direction.z;
             (along_m > 0.0)
                 .then(|| self.fit(views, sight.clone(), (origin + along_m * direction).coords))
         });
-        let by_size = self.start_by_size(view, sight.clone().next()?, (origin, direction));
         let by_size = by_size.and_then(|start_m| self.fit(views, sight, start_m));
         let fits = [on_ground.flatten(), by_size].into_iter().flatten();
         fits.reduce(|best, next| {

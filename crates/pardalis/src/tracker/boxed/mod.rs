@@ -275,7 +275,7 @@ impl BoxedTarget {
         }
     }
 
-    /// The probability that the body exists and lies within one diameter of the estimate.
+    /// The probability that the body exists and lies as near to the estimate as boxes can tell.
     pub(super) fn confidence(&self) -> f64 {
         self.confidence_ahead(0.0)
     }
