@@ -6,7 +6,7 @@ use anyhow::Result;
 use pardalis_calibrate::board::Board;
 use serde::Deserialize;
 
-use crate::scene::read_text;
+use crate::scene_files::read_text;
 use crate::user_error::user_error;
 
 /// Ways to describe a board.

@@ -25,6 +25,8 @@ mod progress;
 mod rectangle;
 mod rig;
 mod scene;
+mod scene_files;
+mod scene_tracker;
 mod shell_word;
 mod sight;
 mod source;
@@ -38,6 +40,8 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
+
+pub use scene_tracker::tracker_of_scene;
 
 /// Tracks coloured objects in 3D from images, videos and cameras.
 #[derive(Parser)]

@@ -77,6 +77,7 @@ impl PlatformRows {
         let path = folder.join(&config.motion.file().value);
         let offset_s = config.time_offset_s;
         let (rows, errors) = match &config.motion {
+            PlatformMotion::Given(..) => return Err(user_error!("{}", PlatformMotion::MISSING)),
             PlatformMotion::Poses(_) => (read_poses(&path, offset_s)?, OdometryErrors::default()),
             PlatformMotion::Odometry(_, errors, start) => {
                 (read_odometry(&path, offset_s, start)?, *errors)
@@ -118,11 +119,6 @@ impl PlatformRows {
             motion.tell(&mut platform)?;
         }
         Ok(platform)
-    }
-
-    /// Returns a platform of which nothing is known yet.
-    pub(crate) fn platform(&self) -> Result<Platform> {
-        Ok(Platform::new(self.errors)?)
     }
 
     /// Returns what is wrong if it is nowhere known where the platform was while a camera took these frames.

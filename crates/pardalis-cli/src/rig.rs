@@ -44,7 +44,7 @@ fn same_input(a: &CameraConfig, b: &CameraConfig, folder: &Path) -> Option<Strin
         path.canonicalize().unwrap_or(path)
     };
     let settings = |camera: &CameraConfig| match &camera.input {
-        Input::Images { .. } => None,
+        Input::Images { .. } | Input::Given(_) => None,
         Input::Video { video, .. } => Some(video.settings.clone()),
     };
     (real(a) == real(b) && settings(a) == settings(b)).then(|| {
@@ -76,7 +76,7 @@ fn live_and_recorded((a, source_a): Camera, (b, source_b): Camera) -> Option<Str
 fn other_frame_count((a, source_a): Camera, (b, source_b): Camera) -> Option<String> {
     let fps = |camera: &CameraConfig| match camera.input {
         Input::Images { fps, .. } => fps,
-        Input::Video { .. } => None,
+        Input::Video { .. } | Input::Given(_) => None,
     };
     let (fps_a, fps_b) = (fps(a)?, fps(b)?);
     let (count_a, count_b) = (source_a.frame_count()?, source_b.frame_count()?);

@@ -1,22 +1,13 @@
 //! Scene files: reads them, opens the files they name, and reports every problem before anything runs.
 
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use anyhow::Result;
+use pardalis::Tracker;
 use pardalis::color::ColorModel;
-use pardalis::likelihood::{Cue, CueSettings};
-use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, PlatformId};
 use pardalis::view::View;
-use pardalis::{TargetId, Tracker};
-use pardalis_camera::CalibratedCamera;
-use pardalis_camera::Mask;
-use pardalis_camera::formats::Lens;
-use pardalis_filter::gaussian::GaussianStart;
-use pardalis_scene::calibration;
 use pardalis_scene::{
-    BodyConfig, CameraConfig, Input, Problem, Scene, StartConfig, TargetConfig, VideoFormat,
+    Assembly, BodyConfig, CameraConfig, Input, Located, Problem, Scene, StartConfig, VideoFormat,
     VideoInput, VideoPlace,
 };
 
@@ -26,13 +17,10 @@ use crate::output::{Shown, warn};
 use crate::platforms::PlatformRows;
 use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
-use crate::source::decode::{decode_mask, media_kind};
+use crate::scene_files::{SceneFiles, read_calibration, read_text, resolve};
+use crate::source::decode::media_kind;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
-use crate::track_start;
 use crate::user_error::{UserError, user_error};
-
-/// Maximum size of a scene or colour model file in bytes; such files are small.
-const MAX_TEXT_BYTES: u64 = 4 << 20;
 
 /// With an interval of this many seconds or more between images, time stamps may be in another unit.
 const LONG_STEP_S: f64 = 5.0;
@@ -54,41 +42,8 @@ pub(crate) struct OpenScene {
     pub(crate) tracker: Tracker,
 }
 
-/// Reads a small text file that the user named.
-pub(crate) fn read_text(path: &Path) -> Result<String> {
-    let name = path.shown();
-    let unreadable = |error: io::Error| match error.kind() {
-        io::ErrorKind::NotFound => user_error!("{name}: cannot be read: there is no such file"),
-        _ => user_error!("{name}: cannot be read: {error}; give a text file"),
-    };
-    let metadata = fs::metadata(path).map_err(unreadable)?;
-    if !metadata.is_file() {
-        return Err(user_error!(
-            "{name}: is a folder or a device; give a text file"
-        ));
-    }
-    if metadata.len() > MAX_TEXT_BYTES {
-        return Err(user_error!(
-            "{name}: has {} bytes; allowed: at most {MAX_TEXT_BYTES}",
-            metadata.len()
-        ));
-    }
-    text_in(path, fs::read(path).map_err(unreadable)?)
-}
-
-/// Returns the text of a file with these bytes. Errors name `path` and the line.
-pub(crate) fn text_in(path: &Path, bytes: Vec<u8>) -> Result<String> {
-    let name = path.shown();
-    String::from_utf8(bytes).map_err(|error| {
-        let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
-            .split(|&byte| byte == b'\n')
-            .count();
-        user_error!("{name}: line {line}: is not UTF-8 text; save the file as UTF-8")
-    })
-}
-
 /// Reads the text of a scene file.
-fn read_scene_text(path: &Path) -> Result<String> {
+pub(crate) fn read_scene_text(path: &Path) -> Result<String> {
     let name = path.shown();
     if !path.exists() {
         return Err(user_error!(
@@ -161,17 +116,6 @@ fn find_rectangle(
     find_in_images(camera, source, resolved)
 }
 
-/// Reads the cameras of a calibration file that a scene in this folder names. Errors name the file and its line.
-pub(crate) fn read_calibration(
-    folder: &Path,
-    file: &str,
-    lens: Option<Lens>,
-) -> Result<Vec<CalibratedCamera>, String> {
-    let path = resolve(folder, file);
-    let text = read_text(&path).map_err(|error| format!("{error:#}"))?;
-    calibration::read(&text, lens).map_err(|error| format!("{}: {error}", path.shown()))
-}
-
 /// Opens all files of a scene, which was read from the file at `path`. `seed`, if given, replaces the scene's seed, and
 /// `stills`, if any, replace the frames of its only camera.
 pub(crate) fn open(
@@ -195,11 +139,13 @@ pub(crate) fn open(
     }
     if !stills.is_empty() {
         find_live_rectangles(path, &mut scene)?;
+        // They are at no time, and the world is the platform's frame.
+        scene.platforms.clear();
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut parts = Parts::with(scene, Vec::new());
     parts.open_cameras(folder, stills)?;
-    if parts.problems.is_empty() {
+    if parts.assembly.problems.is_empty() {
         parts.source_warnings(path).iter().for_each(warn);
     }
     parts.open_targets(folder);
@@ -216,7 +162,7 @@ pub(crate) fn open_parts(path: &Path) -> Result<Parts> {
         Scene::parse_parts(&text, &|file, lens| read_calibration(folder, file, lens));
     let missing = named_files::missing(&text, folder, &scene);
     let mut parts = Parts::with(scene, problems);
-    parts.problems.extend(missing);
+    parts.assembly.problems.extend(missing);
     parts.open_cameras(folder, &[])?;
     parts.find_recorded_rectangles(folder);
     parts.open_targets(folder);
@@ -229,20 +175,14 @@ pub(crate) struct Parts {
     pub(crate) scene: Scene,
     /// The frames of each of its cameras, if they could be opened.
     pub(crate) sources: Vec<Option<Source>>,
-    /// The views of its cameras, where size and mask are right.
-    pub(crate) views: Vec<Option<View>>,
-    /// The motion of its platforms, if their files are right. The world is the frame of those that are left out.
+    /// The motion of its platforms, if their files are right.
     pub(crate) platforms: Vec<PlatformRows>,
     /// What another program detected, if the files are right.
     detections: Detections,
-    /// The settings of each body of its targets, if its files are right.
-    pub(crate) targets: Vec<Vec<Option<BodySettings>>>,
-    /// The problems so far.
-    pub(crate) problems: Vec<Problem>,
+    /// Its views and bodies, and all problems.
+    pub(crate) assembly: Assembly,
     /// Whether the text has no problem, so that cameras and targets are complete.
     is_complete: bool,
-    /// The targets that start from a track, with the time of the start in seconds.
-    reinitialized: Vec<(TargetId, GaussianStart, f64)>,
 }
 
 impl Parts {
@@ -251,12 +191,9 @@ impl Parts {
             detections: Detections::of(&scene.targets),
             scene,
             sources: Vec::new(),
-            views: Vec::new(),
             platforms: Vec::new(),
-            targets: Vec::new(),
             is_complete: problems.is_empty(),
-            problems,
-            reinitialized: Vec::new(),
+            assembly: Assembly::with(problems),
         }
     }
 
@@ -270,24 +207,17 @@ impl Parts {
             } else {
                 Ok(Source::stills(stills)?)
             };
-            match source {
-                Ok(source) => {
-                    let view = view_of(camera, folder, source.size(), &mut self.problems);
-                    self.views.push(view);
-                    self.sources.push(Some(source));
-                }
-                Err(problem) => {
-                    self.problems.push(problem);
-                    self.views.push(None);
-                    self.sources.push(None);
-                }
-            }
+            let source = source
+                .map_err(|problem| self.assembly.problems.push(problem))
+                .ok();
+            let size_px = source.as_ref().map(Source::size);
+            self.assembly
+                .add_camera(camera, size_px, &SceneFiles::of(folder));
+            self.sources.push(source);
         }
         let problems = rig::problems(&self.opened(), folder);
-        self.problems.extend(problems);
-        if stills.is_empty() {
-            self.open_platforms(folder);
-        }
+        self.assembly.problems.extend(problems);
+        self.open_platforms(folder);
         self.read_detections(folder, !stills.is_empty());
         Ok(())
     }
@@ -317,7 +247,7 @@ impl Parts {
                 Ok(None)
             };
             let read = read.map_err(|error| file.problem(format!("{error:#}")));
-            let read = read.map_err(|problem| self.problems.push(problem));
+            let read = read.map_err(|problem| self.assembly.problems.push(problem));
             self.detections.push(read.ok().flatten());
         }
         let mut files = self
@@ -328,12 +258,13 @@ impl Parts {
         if let (Some(file), Err(error)) = (files.next(), self.detections.check(&self.scene.targets))
         {
             let path = resolve(folder, &file.value);
-            self.problems
+            self.assembly
+                .problems
                 .push(file.problem(format!("{}: {error:#}", path.shown())));
         }
     }
 
-    /// Reads the motion of all platforms. Stills are at no time, and are taken where the platform's frame is the world's.
+    /// Reads the motion of all platforms.
     fn open_platforms(&mut self, folder: &Path) {
         for platform in &self.scene.platforms {
             let file = platform.motion.file();
@@ -342,7 +273,7 @@ impl Parts {
                 carried.filter(|(camera, _)| camera.platform.as_ref() == Some(&platform.name));
             let sources: Vec<&Source> = carried.filter_map(|(_, source)| source.as_ref()).collect();
             if sources.iter().any(|source| source.is_live()) {
-                self.problems.push(file.problem(
+                self.assembly.problems.push(file.problem(
                     "is of the past, and a camera on the platform is live; record its video first, or call Tracker::observe_pose of the library".to_owned(),
                 ));
                 continue;
@@ -356,7 +287,10 @@ impl Parts {
             });
             match rows {
                 Ok(rows) => self.platforms.push(rows),
-                Err(error) => self.problems.push(file.problem(format!("{error:#}"))),
+                Err(error) => self
+                    .assembly
+                    .problems
+                    .push(file.problem(format!("{error:#}"))),
             }
         }
     }
@@ -366,8 +300,7 @@ impl Parts {
         let Self {
             scene,
             sources,
-            views,
-            problems,
+            assembly,
             ..
         } = self;
         for (number, camera) in scene.cameras.iter_mut().enumerate() {
@@ -375,14 +308,14 @@ impl Parts {
             let Some(source) = sources[number].as_ref().filter(|source| !source.is_live()) else {
                 continue;
             };
-            let size = source.size();
+            let size_px = source.size();
             let found = find_rectangle(camera, folder, false, &mut scene.resolved);
-            views[number] = match found {
+            assembly.views[number] = match found {
                 Ok(()) if camera.rectangle.is_none() => continue,
                 // Its problems with size and mask are known.
-                Ok(()) => view_of(camera, folder, size, &mut Vec::new()),
+                Ok(()) => camera.view(size_px, &SceneFiles::of(folder)).ok(),
                 Err(problem) => {
-                    problems.push(problem);
+                    assembly.problems.push(problem);
                     None
                 }
             };
@@ -391,54 +324,17 @@ impl Parts {
 
     /// Opens the files of all targets.
     fn open_targets(&mut self, folder: &Path) {
-        let Self {
-            scene,
-            sources,
-            views,
-            targets,
-            problems,
-            is_complete,
-            reinitialized,
-            ..
-        } = self;
-        for (number, target) in scene.targets.iter().enumerate() {
-            let mut bodies = Vec::new();
-            for body in &target.bodies {
-                let start = match body.start().map(|start| &start.value) {
-                    None => Ok(None),
-                    Some(StartConfig::Here(start)) => Ok(Some(*start)),
-                    Some(StartConfig::Track(track)) => {
-                        let opened = sources.iter_mut().flatten();
-                        let first_time_s = opened.filter_map(Source::first_time_s);
-                        let first_time_s = first_time_s.reduce(f64::min);
-                        let path = resolve(folder, &track.file);
-                        track_start::read(track, &path, first_time_s).map(|(start, time_s)| {
-                            reinitialized.push((TargetId::new(number), start, time_s));
-                            Some(Start::Gaussian(start))
-                        })
-                    }
-                };
-                let problem = |message: String| start_problem(body, message);
-                let start = start.map_err(|error| problems.push(problem(format!("{error:#}"))));
-                if let (true, Ok(Some(Start::Pixel(start)))) = (*is_complete, &start)
-                    && let Some(view) = &views[start.camera]
-                    && let Err(error) = start.check_in(view)
-                {
-                    problems.push(problem(error.to_string()));
-                }
-                let colors = read_colors(body, folder).map_err(|problem| problems.push(problem));
-                let settings = match (start, colors) {
-                    (Ok(start), Ok(colors)) => {
-                        let settings = body.settings(colors, start);
-                        let settings = settings.map_err(|error| problem(error.to_string()));
-                        settings.map_err(|problem| problems.push(problem)).ok()
-                    }
-                    _ => None,
-                };
-                bodies.push(settings);
-            }
-            targets.push(bodies);
-        }
+        let bodies = self.scene.targets.iter().flat_map(|target| &target.bodies);
+        let is_track = |start: &Located<StartConfig>| matches!(start.value, StartConfig::Track(_));
+        let continues = bodies.filter_map(BodyConfig::start).any(is_track);
+        let opened = self.sources.iter_mut().flatten().filter(|_| continues);
+        let first_times_s = opened.filter_map(Source::first_time_s);
+        let files = SceneFiles {
+            folder,
+            first_time_s: first_times_s.reduce(f64::min),
+        };
+        let is_complete = self.is_complete;
+        self.assembly.add_targets(&self.scene, is_complete, &files);
     }
 
     fn opened(&self) -> Vec<rig::Opened<'_>> {
@@ -456,36 +352,9 @@ impl Parts {
     }
 
     /// Returns the scene with its tracker; fails with all problems if there are any.
-    pub(crate) fn finish(mut self, path: &Path) -> Result<OpenScene> {
-        if !self.problems.is_empty() {
-            self.problems.sort();
-            self.problems.dedup();
-            return Err(problems_in("scene", path, &self.problems));
-        }
-        let of_target = |(bodies, target): (Vec<Option<BodySettings>>, &TargetConfig)| {
-            target.settings(bodies.into_iter().flatten().collect())
-        };
-        let targets = self.targets.into_iter().zip(&self.scene.targets);
-        let targets: Vec<_> = targets.map(of_target).collect();
-        let mut builder = Tracker::builder();
-        builder.seed(self.scene.seed);
-        for platform in &self.platforms {
-            builder.platform(platform.platform()?);
-        }
-        for (view, camera) in self.views.into_iter().flatten().zip(&self.scene.cameras) {
-            let is_carrier = |rows: &PlatformRows| camera.platform.as_deref() == Some(rows.name());
-            match self.platforms.iter().position(is_carrier) {
-                Some(number) => builder.camera_on(PlatformId::new(number), view)?,
-                None => builder.camera(view),
-            };
-        }
-        for target in targets {
-            builder.target(target);
-        }
-        let mut tracker = builder.build()?;
-        for (target, start, time_s) in &self.reinitialized {
-            tracker.reinitialize(*target, start, *time_s)?;
-        }
+    pub(crate) fn finish(self, path: &Path) -> Result<OpenScene> {
+        let tracker = self.assembly.finish(&self.scene);
+        let tracker = tracker.map_err(|problems| problems_in("scene", path, &problems))?;
         Ok(OpenScene {
             scene: self.scene,
             sources: self.sources.into_iter().flatten().collect(),
@@ -513,18 +382,6 @@ fn unit_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<S
     })
 }
 
-/// A problem with the start of a body, or with the body if the scene gives no start.
-fn start_problem(body: &BodyConfig, message: String) -> Problem {
-    match body.start() {
-        Some(start) => start.problem(message),
-        None => Problem {
-            line: 0,
-            key: format!("targets.{}", body.name),
-            message,
-        },
-    }
-}
-
 /// Opens one camera of the scene in the file at `path`; `stills`, if any, replace its frames.
 pub(crate) fn open_camera(
     path: &Path,
@@ -543,11 +400,10 @@ pub(crate) fn open_camera(
         find_rectangle(&mut camera, folder, true, resolved).map_err(problem)?;
         Source::stills(stills)?
     };
-    let mut problems = Vec::new();
-    let view = view_of(&camera, folder, source.size(), &mut problems);
+    let view = camera.view(source.size(), &SceneFiles::of(folder));
     match view {
-        Some(view) => Ok((source, view)),
-        None => Err(problems_in("scene", path, &problems)),
+        Ok(view) => Ok((source, view)),
+        Err(problems) => Err(problems_in("scene", path, &problems)),
     }
 }
 
@@ -565,11 +421,6 @@ pub(crate) fn problems_in(what: &str, path: &Path, problems: &[Problem]) -> anyh
         let _ = write!(text, "\n  and {} more", problems.len() - MAX_LISTED);
     }
     anyhow::Error::new(UserError(text))
-}
-
-/// Resolves a path in a scene file: relative paths start at the scene's folder.
-fn resolve(folder: &Path, path: &str) -> PathBuf {
-    folder.join(path)
 }
 
 /// Opens the source of a camera. If it is live, a rectangle in its images sets the camera's model.
@@ -591,6 +442,7 @@ fn open_source(
 /// Returns the source settings of a camera of a scene in this folder.
 fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, Problem> {
     let kind = match &camera.input {
+        Input::Given(place) => return Err(place.problem(Input::MISSING)),
         Input::Images {
             folder: images,
             fps,
@@ -648,75 +500,13 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
     })
 }
 
-/// Creates the view of a camera whose images have this size; problems with size and masks are added to the list.
-fn view_of(
-    camera: &CameraConfig,
-    folder: &Path,
-    size: (usize, usize),
-    problems: &mut Vec<Problem>,
-) -> Option<View> {
-    let (width, height) = size;
-    let mut fine = true;
-    let mut refuse = |problem| {
-        problems.push(problem);
-        fine = false;
-    };
-    if let Some(stated) = &camera.size_px
-        && stated.value != [width as f64, height as f64]
-    {
-        refuse(stated.problem(format!(
-            "is {} x {}, but the images are {width} x {height}; a camera model is valid for one size only: \
-             give images of that size, or write another scene for these (`pardalis init`)",
-            stated.value[0], stated.value[1]
-        )));
-    }
-    let mut mask: Option<Mask> = None;
-    if let Some(file) = &camera.mask {
-        let path = resolve(folder, &file.value);
-        let read = decode_mask(&path).and_then(|grey| {
-            if grey.size_px() != size {
-                return Err(user_error!(
-                    "{}: the mask is {} x {} pixels, the images are {width} x {height}; they must agree",
-                    path.shown(),
-                    grey.width(),
-                    grey.height()
-                ));
-            }
-            Mask::from_grey(width, height, grey.as_raw()).map_err(|error| user_error!("{}: {error}", path.shown()))
-        });
-        match read {
-            Ok(read) => mask = Some(read),
-            Err(error) => refuse(file.problem(format!("{error:#}"))),
-        }
-    }
-    if let Some(circle) = &camera.mask_circle {
-        let made = Mask::from_radius(width, height, circle.center_px, circle.radius_px.value)
-            .and_then(|made| {
-                mask.as_ref()
-                    .map_or(Ok(made.clone()), |other| made.and(other))
-            });
-        match made {
-            Ok(made) => mask = Some(made),
-            Err(_) => refuse(circle.radius_px.problem(format!(
-                "leaves no pixel of the {width} x {height} images to look at; \
-                 give a larger radius, or another mask_center_px or mask"
-            ))),
-        }
-    }
-    if !fine {
-        return None;
-    }
-    let view = View::new(camera.camera.clone(), camera.world_from_camera, size, mask).ok()?;
-    view.with_line_delay_s(camera.line_delay_s).ok()
-}
-
 /// Reads the colours of a body of the scene in the file at `path`.
 ///
 /// Errors: the body has no colours, or the file cannot be read.
 pub(crate) fn colors(path: &Path, body: &BodyConfig) -> Result<ColorModel> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let read =
-        read_colors(body, folder).map_err(|problem| problems_in("scene", path, &[problem]))?;
+    let read = body.color_model(&SceneFiles::of(folder));
+    let read = read.map_err(|problem| problems_in("scene", path, &[problem]))?;
     read.ok_or_else(|| {
         user_error!(
             "{}: targets.{}.colors: is missing, and the target is detected by its colours; give a file written by `pardalis learn`",
@@ -724,31 +514,4 @@ pub(crate) fn colors(path: &Path, body: &BodyConfig) -> Result<ColorModel> {
             body.name
         )
     })
-}
-
-fn read_colors(body: &BodyConfig, folder: &Path) -> Result<Option<ColorModel>, Problem> {
-    let Some(file) = &body.colors else {
-        return Ok(None);
-    };
-    let path = resolve(folder, &file.value);
-    let read = read_text(&path).and_then(|text| {
-        let model = ColorModel::from_text(&text).map_err(|error| user_error!("{}: {error}", path.shown()))?;
-        let counts_learnt = |cue: &CueSettings| matches!(cue.cue, Cue::Window(window) if window.ranges.is_none());
-        if model.ranges().is_none() && body.cues().iter().any(counts_learnt) {
-            return Err(user_error!(
-                "{}: has no ranges of hue and saturation, which the window cue needs; learn it again, or give window.hue_deg and window.saturation",
-                path.shown()
-            ));
-        }
-        let compares_channels = |cue: &CueSettings| matches!(cue.cue, Cue::Region(_));
-        if model.channels().is_none() && body.cues().iter().any(compares_channels) {
-            return Err(user_error!(
-                "{}: has no histograms of red, green and blue, which the region cue needs; learn it again",
-                path.shown()
-            ));
-        }
-        Ok(model)
-    });
-    read.map(Some)
-        .map_err(|error| file.problem(format!("{error:#}; `pardalis learn` writes such files")))
 }

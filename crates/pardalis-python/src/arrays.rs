@@ -8,6 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use pardalis::camera::{Pose, pose_from_matrix};
+use pardalis::platform::PoseCovariance;
 use pardalis::tracker::ImageBox;
 use pardalis::{Error, Frame};
 
@@ -124,6 +125,20 @@ pub(crate) fn pose(matrix: &Bound<'_, PyAny>) -> PyResult<Pose> {
         crate::value_error(error)
     })?;
     pose_from_matrix(rows).map_err(crate::value_error)
+}
+
+/// A 6 x 6 covariance of position and rotation; that of an exact pose without one.
+pub(crate) fn pose_covariance(matrix: Option<&Bound<'_, PyAny>>) -> PyResult<PoseCovariance> {
+    let Some(matrix) = matrix else {
+        return Ok(PoseCovariance::zero());
+    };
+    let rows = rows::<6>(matrix, "the covariance")?;
+    let rows: [[f64; 6]; 6] = rows.try_into().map_err(|rows: Vec<_>| {
+        let count = rows.len();
+        let error = Error::out_of_range("the covariance", format!("{count} rows"), "6 rows");
+        crate::value_error(error)
+    })?;
+    PoseCovariance::from_matrix(rows).map_err(crate::value_error)
 }
 
 /// The 4 x 4 matrix of a pose.

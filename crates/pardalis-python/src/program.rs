@@ -23,7 +23,7 @@ pub(crate) fn toml_text(table: &Bound<'_, PyDict>) -> PyResult<String> {
 }
 
 /// The table of a dictionary, which is the value of this key; values that are `None` are left out.
-fn in_table(table: &Bound<'_, PyDict>, key: &str) -> PyResult<Table> {
+pub(crate) fn in_table(table: &Bound<'_, PyDict>, key: &str) -> PyResult<Table> {
     let mut values = Table::new();
     for (name, value) in table {
         let name: String = name.extract().map_err(|_| {

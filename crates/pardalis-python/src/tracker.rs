@@ -1,6 +1,9 @@
 //! The tracker.
 
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use std::ffi::CString;
+use std::path::PathBuf;
+
+use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -8,19 +11,25 @@ use crate::arrays;
 use crate::camera::Camera;
 use crate::estimate::Estimate;
 use crate::target::Target;
-use crate::value_error;
-use pardalis::tracker::Observed;
+use crate::{program, value_error};
+use pardalis::platform::{Increment, ObservedMotion, OdometryErrors, Platform, StampedPose};
+use pardalis::tracker::{Observed, PlatformId};
 use pardalis::{CameraId, FrameSet, TargetId};
+use pardalis_scene::TargetConfig;
 
 /// Tracks targets in the images of cameras, both by name.
 ///
 /// Pass each image, or all that were taken at the same instant, to `observe`; then ask for `estimate`. Trackers in several threads run at
 /// the same time; a single one is for one thread at a time.
+///
+/// `platforms` names the moving platform that carries a camera, by the camera's name; its pose is then that on the platform, and `observe_pose` or
+/// `observe_increment` tells where the platform is.
 #[pyclass(module = "pardalis")]
 pub(crate) struct Tracker {
     tracker: pardalis::Tracker,
     cameras: Vec<String>,
     targets: Vec<String>,
+    platforms: Vec<String>,
     /// Whether each target is a crowd.
     are_crowds: Vec<bool>,
     /// Whether each target is detected by another program.
@@ -41,9 +50,62 @@ fn is_no(what: &str, name: &Bound<'_, PyAny>, wanted: &str) -> PyErr {
     PyTypeError::new_err(format!("{what}[\"{name}\"] is no {wanted}"))
 }
 
+fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
+    let category = py.get_type::<PyUserWarning>();
+    PyErr::warn(py, &category, &CString::new(message)?, 1)
+}
+
+/// What became of a pose or an increment.
+fn word(observed: ObservedMotion) -> &'static str {
+    match observed {
+        ObservedMotion::Used => "used",
+        ObservedMotion::Late => "late",
+        ObservedMotion::Jump => "jump",
+    }
+}
+
 impl Tracker {
     fn target_id(&self, target: &str) -> PyResult<TargetId> {
         position(&self.targets, "target", target).map(TargetId::new)
+    }
+
+    fn platform_id(&self, platform: &str) -> PyResult<PlatformId> {
+        if self.platforms.is_empty() {
+            return Err(PyValueError::new_err(
+                "the tracker has no platforms; give platforms={\"CAMERA\": \"PLATFORM\"}",
+            ));
+        }
+        position(&self.platforms, "platform", platform).map(PlatformId::new)
+    }
+
+    /// How many images of each platform could not be used so far.
+    fn frames_without_pose(&self) -> Vec<usize> {
+        let ids = (0..self.platforms.len()).map(PlatformId::new);
+        ids.filter_map(|id| self.tracker.frames_without_pose(id).ok())
+            .collect()
+    }
+
+    /// Warns of images that could not be used, of which there were `before` so many.
+    fn warn_of_frames_without_pose(
+        &self,
+        py: Python<'_>,
+        before: &[usize],
+        time_s: f64,
+    ) -> PyResult<()> {
+        for ((name, before), now) in self
+            .platforms
+            .iter()
+            .zip(before)
+            .zip(self.frames_without_pose())
+        {
+            if now > *before {
+                let message = format!(
+                    "images of {time_s} s were not used: nothing is known of the platform \"{name}\" at that time; call observe_pose before"
+                );
+                warn(py, &message)?;
+            }
+        }
+        Ok(())
     }
 
     /// The time for which estimates are asked.
@@ -63,18 +125,47 @@ impl Tracker {
 #[pymethods]
 impl Tracker {
     #[new]
-    #[pyo3(signature = (cameras, targets, *, seed=1))]
-    fn new(cameras: &Bound<'_, PyDict>, targets: &Bound<'_, PyDict>, seed: u32) -> PyResult<Self> {
+    #[pyo3(signature = (cameras, targets, *, platforms=None, seed=1))]
+    fn new(
+        cameras: &Bound<'_, PyDict>,
+        targets: &Bound<'_, PyDict>,
+        platforms: Option<&Bound<'_, PyDict>>,
+        seed: u32,
+    ) -> PyResult<Self> {
         let mut setup = pardalis::Tracker::builder();
         setup.seed(seed);
         let (mut camera_names, mut target_names) = (Vec::new(), Vec::new());
         let (mut are_crowds, mut are_boxed) = (Vec::new(), Vec::new());
-        for (name, camera) in cameras {
+        for name in cameras.keys() {
             camera_names.push(name.extract()?);
+        }
+        let mut platform_names: Vec<String> = Vec::new();
+        for (camera, platform) in platforms.into_iter().flatten() {
+            let camera: String = camera.extract()?;
+            position(&camera_names, "camera", &camera)?;
+            let platform = platform.extract()?;
+            if !platform_names.contains(&platform) {
+                platform_names.push(platform);
+                setup.platform(Platform::new(OdometryErrors::default()).map_err(value_error)?);
+            }
+        }
+        for (name, camera) in cameras {
             let camera = camera
                 .cast::<Camera>()
                 .map_err(|_| is_no("cameras", &name, "Camera"))?;
-            setup.camera(camera.get().view()?);
+            let view = camera.get().view()?;
+            let carrier = platforms.map(|platforms| platforms.get_item(&name));
+            match carrier.transpose()?.flatten() {
+                Some(carrier) => {
+                    let number =
+                        position(&platform_names, "platform", &carrier.extract::<String>()?)?;
+                    let on_platform = setup.camera_on(PlatformId::new(number), view);
+                    on_platform.map_err(value_error)?;
+                }
+                None => {
+                    setup.camera(view);
+                }
+            }
         }
         for (name, target) in targets {
             target_names.push(name.extract()?);
@@ -89,8 +180,47 @@ impl Tracker {
             tracker: setup.build().map_err(value_error)?,
             cameras: camera_names,
             targets: target_names,
+            platforms: platform_names,
             are_crowds,
             are_boxed,
+        })
+    }
+
+    /// Return the tracker of a scene for images that you have: a file, or a dictionary with the same tables and keys, whose paths start at the current folder.
+    ///
+    /// The scene's images and videos are not read and need not be given, nor the motion of its platforms. `size_px` are width and height of
+    /// the images of each camera, by name, unless the scene or its calibration files state them. `seed` replaces that of the scene.
+    #[staticmethod]
+    #[pyo3(signature = (scene, *, size_px=None, seed=None))]
+    fn of_scene(
+        py: Python<'_>,
+        scene: &Bound<'_, PyAny>,
+        size_px: Option<std::collections::BTreeMap<String, [usize; 2]>>,
+        seed: Option<u32>,
+    ) -> PyResult<Self> {
+        let (file, mut settings) = match scene.cast::<PyDict>() {
+            Ok(table) => (None, program::in_table(table, "")?),
+            Err(_) => (Some(scene.extract::<PathBuf>()?), toml::Table::new()),
+        };
+        if let Some(seed) = seed {
+            settings.insert("seed".to_owned(), toml::Value::Integer(seed.into()));
+        }
+        let sizes_px = size_px.into_iter().flatten();
+        let sizes_px: Vec<_> = sizes_px.map(|(name, size)| (name, size.into())).collect();
+        let opened = pardalis_cli::tracker_of_scene(file.as_deref(), &settings, &sizes_px);
+        let (scene, tracker) =
+            opened.map_err(|error| PyValueError::new_err(format!("{error:#}")))?;
+        for warning in &scene.warnings {
+            warn(py, &warning.to_string())?;
+        }
+        let is_boxed = |target: &TargetConfig| target.bodies.iter().any(|b| b.class().is_some());
+        Ok(Self {
+            tracker,
+            are_crowds: scene.targets.iter().map(|t| t.crowd.is_some()).collect(),
+            are_boxed: scene.targets.iter().map(is_boxed).collect(),
+            cameras: scene.cameras.into_iter().map(|c| c.name).collect(),
+            targets: scene.targets.into_iter().map(|t| t.name).collect(),
+            platforms: scene.platforms.into_iter().map(|p| p.name).collect(),
         })
     }
 
@@ -140,13 +270,60 @@ impl Tracker {
                 set = set.with_boxes(camera, target, found).map_err(value_error)?;
             }
         }
+        let unused = self.frames_without_pose();
         match py.detach(|| self.tracker.observe(&set)) {
-            Ok(Observed::Used) => Ok(()),
+            Ok(Observed::Used) => self.warn_of_frames_without_pose(py, &unused, time_s),
             Ok(Observed::Repeated) => Err(PyValueError::new_err(format!(
                 "images of {time_s} s were observed before; pass images that were taken at the same time together"
             ))),
             Err(error) => Err(value_error(error)),
         }
+    }
+
+    /// Observe where a platform is at a time in seconds, which may be later than that of the next images: between poses it moves at constant rates.
+    ///
+    /// `world_from_platform` is a 4 x 4 matrix that takes coordinates on the platform to the world, and `covariance` (6 x 6) that of its position (m, m) and
+    /// rotation (rad, rad); without one it is exact. Return "used", "late" (no later than one before, ignored) or "jump" (where no motion leads to).
+    #[pyo3(signature = (platform, world_from_platform, time_s, covariance=None))]
+    fn observe_pose(
+        &mut self,
+        platform: &str,
+        world_from_platform: &Bound<'_, PyAny>,
+        time_s: f64,
+        covariance: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<&'static str> {
+        let platform = self.platform_id(platform)?;
+        let pose = StampedPose {
+            time_s,
+            world_from_platform: arrays::pose(world_from_platform)?,
+            covariance: arrays::pose_covariance(covariance)?,
+        };
+        let observed = self.tracker.observe_pose(platform, &pose);
+        observed.map(word).map_err(value_error)
+    }
+
+    /// Observe how a platform moved between two times in seconds, by odometry.
+    ///
+    /// `before_from_after` is the pose after in the platform's frame before (4 x 4). The world is the platform's frame at the first increment, unless a pose was
+    /// observed before. `covariance` and what is returned are as in `observe_pose`.
+    #[pyo3(signature = (platform, before_from_after, from_s, to_s, covariance=None))]
+    fn observe_increment(
+        &mut self,
+        platform: &str,
+        before_from_after: &Bound<'_, PyAny>,
+        from_s: f64,
+        to_s: f64,
+        covariance: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<&'static str> {
+        let platform = self.platform_id(platform)?;
+        let increment = Increment {
+            from_s,
+            to_s,
+            before_from_after: arrays::pose(before_from_after)?,
+            covariance: arrays::pose_covariance(covariance)?,
+        };
+        let observed = self.tracker.observe_increment(platform, &increment);
+        observed.map(word).map_err(value_error)
     }
 
     /// Return the estimate of a target, at the time of the latest images or predicted for a later time.
@@ -199,6 +376,12 @@ impl Tracker {
     #[getter]
     fn targets(&self) -> Vec<String> {
         self.targets.clone()
+    }
+
+    /// The names of the platforms.
+    #[getter]
+    fn platforms(&self) -> Vec<String> {
+        self.platforms.clone()
     }
 
     fn __repr__(&self) -> String {

@@ -107,6 +107,15 @@ pub struct MaskCircle {
     pub radius_px: Located<f64>,
 }
 
+/// Where the frames of cameras and the motion of platforms come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Inputs {
+    /// From what the scene names, which it must.
+    Named,
+    /// From the caller: the scene needs no inputs, and those that it names are not used.
+    Given,
+}
+
 /// The source of a camera's frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
@@ -126,14 +135,19 @@ pub enum Input {
         /// Encoding of its pixels, if the stream does not state it or states it wrongly.
         encoding: Option<YuvEncoding>,
     },
+    /// The caller has the frames, of a scene that was read with [`Inputs::Given`]; with the place of the camera's table.
+    Given(Located<String>),
 }
 
 impl Input {
-    /// Returns the folder, file, address or device, with its position in the scene.
+    /// What is wrong with a camera that has none.
+    pub const MISSING: &str = "has no input; give images = \"FOLDER\" or video = \"FILE\"";
+
+    /// Returns the folder, file, address or device, with its position in the scene; no name without an input.
     pub fn place(&self) -> &Located<String> {
         match self {
             Self::Images { folder, .. } => folder,
-            Self::Video { name, .. } => name,
+            Self::Video { name, .. } | Self::Given(name) => name,
         }
     }
 }
@@ -145,8 +159,9 @@ impl CameraConfig {
         table: Table,
         platforms: &[String],
         read_calibration: ReadCalibration,
+        inputs: Inputs,
     ) -> Option<Self> {
-        let mut input = read_input(&table);
+        let mut input = read_input(&table, inputs);
         let time_offset_s: f64 = table
             .key(
                 "time_offset_s",
@@ -475,7 +490,7 @@ pub(super) fn read_pose(table: &Table) -> Option<Pose> {
         .ok()
 }
 
-fn read_input(table: &Table) -> Option<Input> {
+fn read_input(table: &Table, inputs: Inputs) -> Option<Input> {
     let images = table
         .key(
             "images",
@@ -537,10 +552,11 @@ fn read_input(table: &Table) -> Option<Input> {
             table.conflict("video", "images");
             None
         }
+        // A key with a problem has reported it.
+        (None, None) if table.has("images") || table.has("video") => None,
+        (None, None) if inputs == Inputs::Given => Some(Input::Given(table.here())),
         (None, None) => {
-            if !table.has("images") && !table.has("video") {
-                table.problem_here("has no input; give images = \"FOLDER\" or video = \"FILE\"");
-            }
+            table.problem_here(Input::MISSING);
             None
         }
     }

@@ -3,6 +3,7 @@
 //! All problems of a file are reported at once, with key and line. [`mod@reference`] describes every key.
 
 mod appearance;
+mod assembly;
 pub mod calibration;
 mod camera;
 mod camera_names;
@@ -33,7 +34,8 @@ mod timing;
 mod video;
 mod world;
 
-pub use camera::{CameraConfig, FrameRange, Input, MaskCircle, ReadCalibration};
+pub use assembly::{Assembly, Files};
+pub use camera::{CameraConfig, FrameRange, Input, Inputs, MaskCircle, ReadCalibration};
 pub use crossing::CrossingConfig;
 pub use detector::DetectorConfig;
 pub use journal::{Located, Problem};
@@ -108,7 +110,21 @@ impl Scene {
         read_calibration: ReadCalibration,
     ) -> Result<Self, Vec<Problem>> {
         let read = read_parts(text, replaced, |_, table| {
-            Self::read(table, read_calibration)
+            Self::read(table, read_calibration, Inputs::Named)
+        });
+        let (warnings, resolved) = read.found?;
+        Ok(read.result.with(warnings, resolved))
+    }
+
+    /// Reads a scene's text like [`Scene::parse_with`], for a caller who has the frames of its cameras and the motion of its platforms.
+    /// [`Assembly`] makes its tracker.
+    pub fn parse_without_inputs(
+        text: &str,
+        replaced: &toml::Table,
+        read_calibration: ReadCalibration,
+    ) -> Result<Self, Vec<Problem>> {
+        let read = read_parts(text, replaced, |_, table| {
+            Self::read(table, read_calibration, Inputs::Given)
         });
         let (warnings, resolved) = read.found?;
         Ok(read.result.with(warnings, resolved))
@@ -119,7 +135,7 @@ impl Scene {
     /// are no problems.
     pub fn parse_parts(text: &str, read_calibration: ReadCalibration) -> (Self, Vec<Problem>) {
         let read = read_parts(text, &toml::Table::new(), |_, table| {
-            Self::read(table, read_calibration)
+            Self::read(table, read_calibration, Inputs::Named)
         });
         let mut scene = read.result;
         match read.found {
@@ -154,12 +170,12 @@ impl Scene {
     /// Returns the keys of scene files.
     pub fn keys() -> Vec<KeyDescription> {
         keys_of(|_, table| {
-            Self::read(table, &|_, _| Err(String::new()));
+            Self::read(table, &|_, _| Err(String::new()), Inputs::Named);
         })
     }
 
     /// Reads all settings; invalid ones are left out and reported to the journal.
-    fn read(table: &Table, read_calibration: ReadCalibration) -> Self {
+    fn read(table: &Table, read_calibration: ReadCalibration, inputs: Inputs) -> Self {
         let seed = table
             .key("seed", "Seed of all random numbers.")
             .or(Self::DEFAULT_SEED);
@@ -177,12 +193,12 @@ impl Scene {
             .collect();
         let platforms: Vec<_> = platform_tables
             .into_iter()
-            .filter_map(|(name, table)| PlatformConfig::read(name, table))
+            .filter_map(|(name, table)| PlatformConfig::read(name, table, inputs))
             .collect();
         let cameras: Vec<_> = camera_tables
             .into_iter()
             .filter_map(|(name, table)| {
-                CameraConfig::read(name, table, &platform_names, read_calibration)
+                CameraConfig::read(name, table, &platform_names, read_calibration, inputs)
             })
             .collect();
         if cameras.len() == camera_names.len() {
@@ -196,7 +212,7 @@ impl Scene {
             .filter_map(|(name, table)| TargetConfig::read(name, table, &names))
             .collect();
         check_crowds(table, &targets);
-        if cameras.len() == names.all.len() {
+        if cameras.len() == names.all.len() && inputs == Inputs::Named {
             check_detections(table, &cameras, &targets);
         }
         warn_of_line_delays(table, &cameras, &targets);

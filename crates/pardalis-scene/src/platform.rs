@@ -1,5 +1,6 @@
 //! The moving platforms of a scene: robots, pan-tilt heads and arms that carry cameras.
 
+use super::camera::Inputs;
 use super::reader::{Located, Table};
 use nalgebra::{Rotation3, Translation3, Vector3};
 use pardalis::frame::MAX_TIME_S;
@@ -24,20 +25,27 @@ pub enum PlatformMotion {
     Poses(Located<String>),
     /// The increments of its odometry, the errors that they share, and where it was before the first.
     Odometry(Located<String>, OdometryErrors, Pose),
+    /// The caller knows, of a scene that was read with [`Inputs::Given`](super::Inputs::Given): the place of the platform's table, and the
+    /// errors that increments share.
+    Given(Located<String>, OdometryErrors),
 }
 
 impl PlatformMotion {
-    /// Returns the file, with its position in the scene.
+    /// What is wrong with a platform that has none.
+    pub const MISSING: &str =
+        "says nothing about its motion; give poses = \"FILE.csv\" or odometry = \"FILE.csv\"";
+
+    /// Returns the file, with its position in the scene; no name without a file.
     pub fn file(&self) -> &Located<String> {
         match self {
-            Self::Poses(file) | Self::Odometry(file, ..) => file,
+            Self::Poses(file) | Self::Odometry(file, ..) | Self::Given(file, _) => file,
         }
     }
 }
 
 impl PlatformConfig {
     /// Reads one platform. Returns `None` after reporting a problem to the journal.
-    pub(super) fn read(name: String, table: Table) -> Option<Self> {
+    pub(super) fn read(name: String, table: Table, inputs: Inputs) -> Option<Self> {
         let poses = table
             .key(
                 "poses",
@@ -95,6 +103,11 @@ impl PlatformConfig {
                 "Its heading then, counterclockwise from the x axis.",
             )
             .or(0.0);
+        let errors = OdometryErrors {
+            scale_sigma,
+            drift_sigma_rad_per_m: drift_sigma_deg_per_m.to_radians(),
+            tilt_sigma_rad: tilt_sigma_deg.to_radians(),
+        };
         let motion = match (poses, odometry) {
             (Some(poses), None) => {
                 for key in ODOMETRY_KEYS {
@@ -106,23 +119,20 @@ impl PlatformConfig {
             }
             (None, Some(odometry)) => Some(PlatformMotion::Odometry(
                 odometry,
-                OdometryErrors {
-                    scale_sigma,
-                    drift_sigma_rad_per_m: drift_sigma_deg_per_m.to_radians(),
-                    tilt_sigma_rad: tilt_sigma_deg.to_radians(),
-                },
+                errors,
                 start_pose(start_position_m, start_heading_deg.to_radians()),
             )),
             (Some(_), Some(_)) => {
                 table.conflict("odometry", "poses");
                 None
             }
+            // A key with a problem has reported it.
+            (None, None) if table.has("poses") || table.has("odometry") => None,
+            (None, None) if inputs == Inputs::Given => {
+                Some(PlatformMotion::Given(table.here(), errors))
+            }
             (None, None) => {
-                if !table.has("poses") && !table.has("odometry") {
-                    table.problem_here(
-                        "says nothing about its motion; give poses = \"FILE.csv\" or odometry = \"FILE.csv\"",
-                    );
-                }
+                table.problem_here(PlatformMotion::MISSING);
                 None
             }
         };

@@ -149,6 +149,15 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
+    /// Returns the position of the table itself.
+    pub(super) fn here(&self) -> Located<String> {
+        Located {
+            value: String::new(),
+            key: self.path.clone(),
+            line: self.journal.line_of(self.span.start),
+        }
+    }
+
     /// Returns the value of a checked type, or reports the problem at the key that the library's error names.
     pub(super) fn checked<T>(&self, result: Result<T, Error>) -> Option<T> {
         match result {

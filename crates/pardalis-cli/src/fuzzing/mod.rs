@@ -83,7 +83,7 @@ pub const READERS: [Reader; 28] = {
 
 /// Returns the bytes as text, if they are UTF-8.
 fn text_of(bytes: &[u8]) -> Option<String> {
-    match crate::scene::text_in(Path::new(FILE), bytes.to_vec()) {
+    match crate::scene_files::text_in(Path::new(FILE), bytes.to_vec()) {
         Ok(text) => Some(text),
         Err(error) => {
             check_error(&error);

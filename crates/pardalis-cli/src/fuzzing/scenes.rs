@@ -112,7 +112,7 @@ pub(super) fn colors(bytes: &[u8]) -> bool {
 pub(super) fn board(bytes: &[u8]) -> bool {
     let is_read = ["toml", "yaml"].map(|extension| {
         let name = format!("{FILE}.{extension}");
-        let read = |path: &Path| crate::scene::text_in(path, bytes.to_vec());
+        let read = |path: &Path| crate::scene_files::text_in(path, bytes.to_vec());
         match board::parse_with(&name, read) {
             Ok(board) => {
                 assert!((4..=160_000).contains(&board.corner_count()), "{board:?}");

@@ -149,7 +149,15 @@ class Tracker:
         cameras: Mapping[str, Camera],
         targets: Mapping[str, Target],
         *,
+        platforms: Mapping[str, str] | None = None,
         seed: int = 1,
+    ) -> Tracker: ...
+    @staticmethod
+    def of_scene(
+        scene: str | PathLike[str] | Mapping[str, Any],
+        *,
+        size_px: Mapping[str, tuple[int, int]] | None = None,
+        seed: int | None = None,
     ) -> Tracker: ...
     def observe(
         self,
@@ -157,6 +165,21 @@ class Tracker:
         time_s: float,
         boxes: Mapping[str, Mapping[str, ArrayLike]] | None = None,
     ) -> None: ...
+    def observe_pose(
+        self,
+        platform: str,
+        world_from_platform: ArrayLike,
+        time_s: float,
+        covariance: ArrayLike | None = None,
+    ) -> str: ...
+    def observe_increment(
+        self,
+        platform: str,
+        before_from_after: ArrayLike,
+        from_s: float,
+        to_s: float,
+        covariance: ArrayLike | None = None,
+    ) -> str: ...
     def estimate(self, target: str, time_s: float | None = None) -> Estimate: ...
     def members(self, target: str, time_s: float | None = None) -> list[Estimate]: ...
     @property
@@ -165,6 +188,8 @@ class Tracker:
     def cameras(self) -> list[str]: ...
     @property
     def targets(self) -> list[str]: ...
+    @property
+    def platforms(self) -> list[str]: ...
 
 def run_program(arguments: Sequence[str], file: str | PathLike[str]) -> int: ...
 def toml_text(table: Mapping[str, Any]) -> str: ...

@@ -1,5 +1,6 @@
 //! Scenes, experiments and colour models as text: settings, and damage, which gives an error with a plausible line, never a panic.
 
+mod assembly;
 mod detected;
 mod initialized;
 mod videos;

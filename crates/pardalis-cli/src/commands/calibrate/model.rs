@@ -7,7 +7,7 @@ use pardalis_calibrate::{CalibrationStart, ModelKind, OUTLIER_SIGMAS};
 use pardalis_camera::CalibratedCamera;
 
 use crate::output::Shown;
-use crate::scene::read_calibration;
+use crate::scene_files::read_calibration;
 use crate::user_error::user_error;
 
 #[derive(Debug, clap::Args)]

@@ -10,7 +10,8 @@ use pardalis_scene::calibration;
 
 use crate::arguments::parse_size;
 use crate::output::Shown;
-use crate::scene::{self, read_text};
+use crate::scene;
+use crate::scene_files::read_text;
 use crate::user_error::user_error;
 
 /// A selection of cameras in a file.

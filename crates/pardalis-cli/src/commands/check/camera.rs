@@ -45,7 +45,7 @@ pub(super) fn examine(parts: &mut Parts) -> Vec<Option<Seen>> {
             Ok(look) => seen.push(Some(look)),
             Err(error) => {
                 let problem = camera.input.place().problem(format!("{error:#}"));
-                parts.problems.push(problem);
+                parts.assembly.problems.push(problem);
                 seen.push(None);
             }
         }

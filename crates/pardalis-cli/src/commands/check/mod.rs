@@ -57,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .chain(parts.source_warnings(path))
         .chain(targets.iter().flat_map(|target| target.warnings(path)))
         .collect();
-    if !parts.problems.is_empty() {
+    if !parts.assembly.problems.is_empty() {
         for target in targets.iter().filter(|target| target.was_looked_for()) {
             print(target.text(None));
         }

@@ -44,7 +44,7 @@ struct Area {
 /// Looks for the colours of all targets in the first frames of the cameras that have one.
 pub(super) fn examine(parts: &mut Parts, firsts: &[Option<Frame>]) -> Vec<Seen> {
     let mut targets = Vec::new();
-    for (target, settings) in parts.scene.targets.iter().zip(&parts.targets) {
+    for (target, settings) in parts.scene.targets.iter().zip(&parts.assembly.bodies) {
         let mut bodies = Vec::new();
         for (body, settings) in target.bodies.iter().zip(settings) {
             let model = settings.as_ref().and_then(model_of);
@@ -52,7 +52,7 @@ pub(super) fn examine(parts: &mut Parts, firsts: &[Option<Frame>]) -> Vec<Seen> 
                 continue;
             };
             let (mut cameras, mut others) = (Vec::new(), Vec::new());
-            let views = parts.views.iter_mut().zip(firsts);
+            let views = parts.assembly.views.iter_mut().zip(firsts);
             for (camera, (view, first)) in parts.scene.cameras.iter().zip(views) {
                 let (Some(view), Some(first)) = (view, first) else {
                     continue;

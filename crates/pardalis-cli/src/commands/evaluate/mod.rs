@@ -18,7 +18,7 @@ use serde_json::Value;
 
 use crate::files::write_file;
 use crate::output::{Shown, print, warn};
-use crate::scene::read_text;
+use crate::scene_files::read_text;
 use crate::tables::{self, Series, TrackRow};
 use crate::user_error::user_error;
 use confidence::Confidence;

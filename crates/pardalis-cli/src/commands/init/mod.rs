@@ -16,7 +16,7 @@ use crate::commands::camera::load::lens;
 use crate::files::write_file;
 use crate::focal_length::{exif_fov_deg, parse_fov_deg};
 use crate::output::{Shown, in_line, print, warn};
-use crate::scene::{read_calibration, read_text};
+use crate::scene_files::{read_calibration, read_text};
 use crate::shell_word::shell_word;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::user_error::user_error;

@@ -11,7 +11,7 @@ use pardalis_camera::Projection as _;
 use toml::de::{DeTable, DeValue};
 
 use crate::output::{Shown, warn};
-use crate::scene::read_text;
+use crate::scene_files::read_text;
 use crate::user_error::user_error;
 
 /// Formats the text of the scene in the file at `path`. Every table has its own header, in the order of the

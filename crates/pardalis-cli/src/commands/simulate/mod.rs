@@ -16,7 +16,8 @@ use crate::arguments::Threads;
 use crate::folder::{Content, Folder};
 use crate::output::{Shown, print};
 use crate::progress::Progress;
-use crate::scene::{problems_in, read_calibration, read_text};
+use crate::scene::problems_in;
+use crate::scene_files::{read_calibration, read_text};
 use crate::user_error::user_error;
 
 /// Renders images of a synthetic world, with ground truth

@@ -13,6 +13,7 @@ use super::output;
 use crate::files::write_file;
 use crate::output::{Shown, print};
 use crate::scene;
+use crate::scene_files::read_text;
 use crate::user_error::user_error;
 use detect::detect;
 use report::Report;
@@ -100,7 +101,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         written.push(file);
     }
     if let Some(corrected) = &arguments.corrected {
-        let text = with_time_offsets(&scene::read_text(path)?, &report.offsets_s());
+        let text = with_time_offsets(&read_text(path)?, &report.offsets_s());
         let text = text.ok_or_else(|| {
             user_error!(
                 "{}: the layout of the file does not allow inserting the offsets; add them by hand:\n{}",
