@@ -14,6 +14,8 @@ mod fuzzed_file;
 #[cfg(any(test, feature = "fuzz"))]
 pub mod fuzzing;
 mod interrupt;
+#[cfg_attr(not(feature = "mcap"), path = "without_mcap.rs")]
+mod mcap;
 mod named_files;
 mod numbers;
 mod output;

@@ -27,6 +27,7 @@ pub(crate) fn missing(text: &str, folder: &Path, sound: &Scene) -> Vec<Problem> 
         }
         let of_camera = format!("cameras.{name}");
         missing.check(&of_camera, camera, "images", "");
+        missing.check(&of_camera, camera, "mcap", "");
         missing.check(&of_camera, camera, "mask", "");
         missing.check(&of_camera, camera, "detections", "");
         // With `input`, it may be a device or an address.

@@ -442,6 +442,10 @@ fn open_source(
 /// Returns the source settings of a camera of a scene in this folder.
 fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, Problem> {
     let kind = match &camera.input {
+        Input::Recording { file, topic } => SourceKind::Recording {
+            file: resolve(folder, &file.value),
+            topic: topic.clone(),
+        },
         Input::Given(place) => return Err(place.problem(Input::MISSING)),
         Input::Images {
             folder: images,

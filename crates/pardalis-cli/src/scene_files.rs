@@ -10,8 +10,9 @@ use pardalis_camera::{CalibratedCamera, Mask};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::{Files, TrackStart, calibration};
 
+use crate::mcap;
 use crate::output::Shown;
-use crate::source::decode::decode_mask;
+use crate::source::decode::{decode_mask, media_kind};
 use crate::track_start;
 use crate::user_error::user_error;
 
@@ -58,6 +59,9 @@ pub(crate) fn read_calibration(
     lens: Option<Lens>,
 ) -> Result<Vec<CalibratedCamera>, String> {
     let path = resolve(folder, file);
+    if media_kind(&path) == Some("recording") {
+        return mcap::calibrations(&path, lens);
+    }
     let text = read_text(&path).map_err(|error| format!("{error:#}"))?;
     calibration::read(&text, lens).map_err(|error| format!("{}: {error}", path.shown()))
 }

@@ -135,18 +135,26 @@ pub enum Input {
         /// Encoding of its pixels, if the stream does not state it or states it wrongly.
         encoding: Option<YuvEncoding>,
     },
+    /// Images in an MCAP recording.
+    Recording {
+        /// The recording.
+        file: Located<String>,
+        /// The topic of the images; `None` for the only one with images.
+        topic: Option<String>,
+    },
     /// The caller has the frames, of a scene that was read with [`Inputs::Given`]; with the place of the camera's table.
     Given(Located<String>),
 }
 
 impl Input {
     /// What is wrong with a camera that has none.
-    pub const MISSING: &str = "has no input; give images = \"FOLDER\" or video = \"FILE\"";
+    pub const MISSING: &str =
+        "has no input; give images = \"FOLDER\", video = \"FILE\" or mcap = \"FILE\"";
 
     /// Returns the folder, file, address or device, with its position in the scene; no name without an input.
     pub fn place(&self) -> &Located<String> {
         match self {
-            Self::Images { folder, .. } => folder,
+            Self::Images { folder: file, .. } | Self::Recording { file, .. } => file,
             Self::Video { name, .. } | Self::Given(name) => name,
         }
     }
@@ -494,17 +502,31 @@ fn read_input(table: &Table, inputs: Inputs) -> Option<Input> {
     let images = table
         .key(
             "images",
-            "Folder of JPEG and PNG images, read in the order of their names, or one image. Give either this or `video`.",
+            "Folder of JPEG and PNG images, read in the order of their names, or one image. Give either this, `video` or `mcap`.",
         )
-        .depends("unless `video` is given")
+        .depends("unless `video` or `mcap` is given")
         .located_conditional();
     let video = table
         .key(
             "video",
             "Video file, address of a stream (`rtsp`, `rtp`, `udp`, `tcp`, `http`, `https`), device such as `/dev/video0`, or `-` for standard input; opened with ffmpeg.",
         )
-        .depends("unless `images` is given")
+        .depends("unless `images` or `mcap` is given")
         .located_conditional::<String>();
+    let mcap = table
+        .key(
+            "mcap",
+            "MCAP recording with images, as messages of ROS 2 or Foxglove. Relative to this file.",
+        )
+        .depends("unless `images` or `video` is given")
+        .located_conditional::<String>();
+    let topic: Option<String> = table
+        .key("topic", "The topic of the images in the recording.")
+        .depends("the only one with images")
+        .optional();
+    if table.has("topic") && !table.has("mcap") && !table.is_describing() {
+        table.problem("topic", "applies to mcap only; remove it");
+    }
     let fps = table
         .key(
             "fps",
@@ -531,16 +553,25 @@ fn read_input(table: &Table, inputs: Inputs) -> Option<Input> {
             })
         },
     );
-    match (images, video) {
-        (Some(folder), None) => {
-            for key in ["input", "yuv"] {
-                if table.has(key) {
-                    table.problem(key, "applies to video only; remove it");
-                }
-            }
+    let given: Vec<_> = ["images", "video", "mcap"]
+        .into_iter()
+        .filter(|key| table.has(key))
+        .collect();
+    if let [first, second, ..] = given[..] {
+        table.conflict(second, first);
+        return None;
+    }
+    let refuse = |keys: &[&'static str], only: &str| {
+        for key in keys.iter().filter(|key| table.has(key)) {
+            table.problem(key, format!("applies to {only} only; remove it"));
+        }
+    };
+    match (images, video, mcap) {
+        (Some(folder), ..) => {
+            refuse(&["input", "yuv"], "video");
             Some(Input::Images { folder, fps })
         }
-        (None, Some(name)) => {
+        (_, Some(name), _) => {
             let video = combine(table, &name.value, fps, settings)?;
             Some(Input::Video {
                 name,
@@ -548,14 +579,15 @@ fn read_input(table: &Table, inputs: Inputs) -> Option<Input> {
                 encoding,
             })
         }
-        (Some(_), Some(_)) => {
-            table.conflict("video", "images");
-            None
+        (.., Some(file)) => {
+            refuse(&["input", "yuv"], "video");
+            refuse(&["fps"], "images and video");
+            Some(Input::Recording { file, topic })
         }
         // A key with a problem has reported it.
-        (None, None) if table.has("images") || table.has("video") => None,
-        (None, None) if inputs == Inputs::Given => Some(Input::Given(table.here())),
-        (None, None) => {
+        _ if !given.is_empty() => None,
+        _ if inputs == Inputs::Given => Some(Input::Given(table.here())),
+        _ => {
             table.problem_here(Input::MISSING);
             None
         }

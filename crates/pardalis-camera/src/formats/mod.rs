@@ -29,6 +29,7 @@ use crate::Camera;
 use crate::pose::CalibratedCamera;
 use document::{Entry, error_at, parse_xml, parse_yaml};
 use pardalis_core::Error;
+pub use ros::CameraInfo;
 
 /// Largest length of a text, in bytes.
 pub const MAX_TEXT_BYTES: usize = 4 << 20;
@@ -244,24 +245,7 @@ fn read_document(text: &str, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>
 pub fn write(format: Format, cameras: &[CalibratedCamera]) -> Result<String, Error> {
     check_names(cameras)?;
     for camera in cameras {
-        let kind = camera.camera.kind();
-        if !format.holds(kind) {
-            let able = Format::ALL.into_iter().filter(|other| other.holds(kind));
-            // Pardalis' own TOML files, which the crate `pardalis-scene` writes, represent every
-            // model.
-            let able: Vec<_> = std::iter::once("pardalis")
-                .chain(able.map(Format::name))
-                .collect();
-            return Err(Error::out_of_range(
-                &format!("the model of camera {}", camera.name),
-                kind,
-                &format!(
-                    "a model that {} files can represent; these formats can represent {kind}: {}",
-                    format.name(),
-                    able.join(", ")
-                ),
-            ));
-        }
+        check_holds(format, camera)?;
     }
     match format {
         Format::OpenCvYaml => opencv::write(cameras, opencv::Storage::Yaml),
@@ -271,6 +255,28 @@ pub fn write(format: Format, cameras: &[CalibratedCamera]) -> Result<String, Err
         Format::OcamCalib => ocamcalib::write(output::single_camera(format, cameras)?),
         Format::Basalt => basalt::write(cameras),
     }
+}
+
+/// Checks that a format can represent a camera's model.
+fn check_holds(format: Format, camera: &CalibratedCamera) -> Result<(), Error> {
+    let kind = camera.camera.kind();
+    if format.holds(kind) {
+        return Ok(());
+    }
+    let able = Format::ALL.into_iter().filter(|other| other.holds(kind));
+    // Pardalis' own TOML files, which the crate `pardalis-scene` writes, represent every model.
+    let able: Vec<_> = std::iter::once("pardalis")
+        .chain(able.map(Format::name))
+        .collect();
+    Err(Error::out_of_range(
+        &format!("the model of camera {}", camera.name),
+        kind,
+        &format!(
+            "a model that {} files can represent; these formats can represent {kind}: {}",
+            format.name(),
+            able.join(", ")
+        ),
+    ))
 }
 
 /// Checks that the list of cameras is not empty and that their names are unique.

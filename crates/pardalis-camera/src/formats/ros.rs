@@ -1,12 +1,12 @@
 //! ROS `camera_info` as YAML: files of `camera_calibration` and `camera_info_manager`, and messages
 //! printed by `rostopic echo`.
 
-use super::Lens;
 use super::document::Entry;
 use super::intrinsics::{
     CameraMatrix, lens_of, resolve_lens, sanitized_name, size_px, transform_from_parts,
 };
 use super::output;
+use super::{Format, Lens};
 use crate::pose::CalibratedCamera;
 use pardalis_core::Error;
 
@@ -135,43 +135,72 @@ fn check_region(root: &Entry, (width, height): (usize, usize)) -> Result<(), Err
     Ok(())
 }
 
+/// A camera in the fields of ROS's message `sensor_msgs/CameraInfo`, which files and messages of other programs have, too.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraInfo {
+    /// `plumb_bob`, `rational_polynomial` or `equidistant`.
+    pub distortion_model: &'static str,
+    /// The coefficients of the distortion.
+    pub d: Vec<f64>,
+    /// The camera matrix, row by row.
+    pub k: [f64; 9],
+    /// The rotation to the rectified image: none.
+    pub r: [f64; 9],
+    /// The camera matrix of the rectified image: the same.
+    pub p: [f64; 12],
+}
+
+impl CameraInfo {
+    /// Returns the fields of a camera.
+    ///
+    /// Errors: the format cannot represent it.
+    pub fn of(camera: &CalibratedCamera) -> Result<Self, Error> {
+        super::check_holds(Format::Ros, camera)?;
+        let [fx, fy, cx, cy] = output::focals_and_center(&camera.camera);
+        let (distortion_model, d) = if let Some(k) = output::fisheye(&camera.camera) {
+            ("equidistant", k.to_vec())
+        } else {
+            let all = output::pinhole_distortion(&camera.camera);
+            match output::count_of(&all, &[5, 8]) {
+                Some(5) => ("plumb_bob", all[..5].to_vec()),
+                Some(count) => ("rational_polynomial", all[..count].to_vec()),
+                None => {
+                    return Err(output::not_representable(
+                        camera,
+                        "the distortion",
+                        "too long: it has the thin-prism coefficients s1 to s4",
+                        "k1 k2 p1 p2 k3 k4 k5 k6 in ROS files; OpenCV files can represent all twelve",
+                    ));
+                }
+            }
+        };
+        Ok(Self {
+            distortion_model,
+            d,
+            k: [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        })
+    }
+}
+
 /// Returns the text of one camera in the layout of `camera_calibration`, without its pose.
 pub(super) fn write(camera: &CalibratedCamera) -> Result<String, Error> {
     let (width, height) = output::size_px(camera)?;
-    let [fx, fy, cx, cy] = output::focals_and_center(&camera.camera);
-    let (model, distortion) = if let Some(k) = output::fisheye(&camera.camera) {
-        ("equidistant", k.to_vec())
-    } else {
-        let all = output::pinhole_distortion(&camera.camera);
-        match output::count_of(&all, &[5, 8]) {
-            Some(5) => ("plumb_bob", all[..5].to_vec()),
-            Some(count) => ("rational_polynomial", all[..count].to_vec()),
-            None => {
-                return Err(output::not_representable(
-                    camera,
-                    "the distortion",
-                    "too long: it has the thin-prism coefficients s1 to s4",
-                    "k1 k2 p1 p2 k3 k4 k5 k6 in ROS files; OpenCV files can represent all twelve",
-                ));
-            }
-        }
-    };
+    let info = CameraInfo::of(camera)?;
     let matrix = |rows: usize, columns: usize, data: &[f64]| {
         let data = output::numbers(data);
         format!("  rows: {rows}\n  cols: {columns}\n  data: [{data}]\n")
     };
-    let zeros_and_one = [0.0, 0.0, 1.0];
-    let k = [&[fx, 0.0, cx, 0.0, fy, cy], &zeros_and_one[..]].concat();
-    let p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
-    let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     Ok(format!(
-        "image_width: {width}\nimage_height: {height}\ncamera_name: {}\ncamera_matrix:\n{}distortion_model: {model}\n\
+        "image_width: {width}\nimage_height: {height}\ncamera_name: {}\ncamera_matrix:\n{}distortion_model: {}\n\
          distortion_coefficients:\n{}rectification_matrix:\n{}projection_matrix:\n{}",
         quoted(&camera.name),
-        matrix(3, 3, &k),
-        matrix(1, distortion.len(), &distortion),
-        matrix(3, 3, &r),
-        matrix(3, 4, &p),
+        matrix(3, 3, &info.k),
+        info.distortion_model,
+        matrix(1, info.d.len(), &info.d),
+        matrix(3, 3, &info.r),
+        matrix(3, 4, &info.p),
     ))
 }
 

@@ -36,6 +36,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         annotate: Annotate::Trails,
         explain: false,
         particles: None,
+        mcap: None,
         smooth: false,
         plots: false,
         progress: true,

@@ -91,6 +91,11 @@ pub(crate) struct Arguments {
     /// take about 60 kB per frame.
     #[arg(long, value_name = "FILE.csv")]
     particles: Option<PathBuf>,
+    /// Also writes images, outlines, cameras and estimates into an MCAP recording, which Foxglove and others show
+    ///
+    /// An earlier recording of that name is replaced. Needs a program that was built with the feature mcap.
+    #[arg(long, value_name = "FILE.mcap")]
+    mcap: Option<PathBuf>,
     /// Draws no plots
     #[arg(long)]
     no_plots: bool,
@@ -147,6 +152,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         },
         explain: arguments.explain,
         particles: arguments.particles.clone(),
+        mcap: arguments.mcap.clone(),
         smooth: arguments.smooth,
         plots: !arguments.no_plots,
         progress: true,

@@ -19,6 +19,12 @@ pub(crate) fn picture_of(frame: &Frame) -> RgbImage {
         .expect("three bytes per pixel")
 }
 
+/// Returns a picture as the bytes of a JPEG file.
+#[cfg(feature = "mcap")]
+pub(crate) fn jpeg_of(picture: &RgbImage) -> anyhow::Result<Vec<u8>> {
+    Ok(encode_jpeg(picture, JPEG_QUALITY, JpegSampling::Automatic)?)
+}
+
 /// Writes a picture as JPEG or PNG, depending on the extension of the file's name.
 pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
     let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);

@@ -43,7 +43,7 @@ pub(crate) fn image_size(path: &Path) -> Result<(usize, usize)> {
     decoded(path, size)
 }
 
-/// Returns "image" or "video" if a file is one by its first bytes, to tell users that it is at the wrong place.
+/// Returns "image", "video" or, of MCAP, "recording" if a file is one by its first bytes, to tell users that it is at the wrong place.
 pub(crate) fn media_kind(path: &Path) -> Option<&'static str> {
     // No pipe, which would keep the program waiting.
     if !path.is_file() {
@@ -53,6 +53,7 @@ pub(crate) fn media_kind(path: &Path) -> Option<&'static str> {
     let mut file = fs::File::open(path).ok()?.take(12);
     file.read_to_end(&mut head).ok()?;
     match &head[..] {
+        [0x89, b'M', b'C', b'A', b'P', ..] => Some("recording"),
         [0xFF, 0xD8, 0xFF, ..] | [0x89, b'P', b'N', b'G', ..] => Some("image"),
         // MP4 and MOV, Matroska and WebM, AVI.
         [_, _, _, _, b'f', b't', b'y', b'p', ..]

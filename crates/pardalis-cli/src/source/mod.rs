@@ -8,6 +8,7 @@ mod images;
 mod live;
 mod nut;
 mod probed;
+mod recording;
 mod running;
 mod times;
 mod video;
@@ -99,6 +100,13 @@ pub(crate) enum SourceKind {
         video: VideoInput,
         /// Encoding of YUV pixels, if the stream does not state it or states it wrongly.
         encoding: Option<YuvEncoding>,
+    },
+    /// Images in an MCAP recording.
+    Recording {
+        /// The recording.
+        file: PathBuf,
+        /// The topic of the images; `None` for the only one with images.
+        topic: Option<String>,
     },
 }
 
@@ -206,7 +214,7 @@ impl SourceConfig {
     /// Reports whether frames arrive while they are taken, and whether opening the source twice may fail.
     pub(crate) fn is_live(&self) -> bool {
         match &self.kind {
-            SourceKind::Images { .. } => false,
+            SourceKind::Images { .. } | SourceKind::Recording { .. } => false,
             SourceKind::Video { video, .. } => ffmpeg::is_live(video),
         }
     }
@@ -222,6 +230,14 @@ impl Source {
                 let frames = ImageFrames::open(folder, timing, config.frames)?;
                 let input = folder.shown();
                 Self::of_images(input, frames, config.time_offset_s)
+            }
+            SourceKind::Recording { file, topic } => {
+                let opened = recording::open(file, topic.as_deref(), config.frames);
+                let (description, span, frames) = opened?;
+                let offset_s = config.time_offset_s;
+                let mut source = Self::start(description, Clock::Recorded, offset_s, frames)?;
+                source.span = span.map(|span| span.moved(offset_s));
+                Ok(source)
             }
             SourceKind::Video { video, encoding } => {
                 let search_path = std::env::var_os("PATH").unwrap_or_default();

@@ -28,7 +28,7 @@ const MAX_DOTS: usize = 300;
 /// Number of past positions that are drawn as a trail.
 const TRAIL: usize = 50;
 /// Points of a drawn contour.
-const CONTOUR_POINTS: usize = 72;
+pub(super) const CONTOUR_POINTS: usize = 72;
 /// Length of the arrow along the heading, as a multiple of the distance of the front landmark from the target's
 /// position.
 const ARROW_LENGTH: f64 = 4.0;
@@ -338,7 +338,7 @@ fn push_outlines(
 }
 
 /// Returns where the body was when a camera exposed the rows that show it. Initialised targets are fitted as if all rows were exposed at once.
-fn in_rows_m(
+pub(super) fn in_rows_m(
     known: &StateEstimate,
     position_m: [f64; 3],
     body: &BodyConfig,
@@ -365,7 +365,7 @@ fn cloud(body: &BodyConfig, particles: &Particles, view: &View, color: [u8; 3]) 
 }
 
 /// Returns the estimated stance of a body. Its yaw is its heading: which side is the front does not change the outline.
-fn stance_of(body: &BodyConfig, now: &Estimate) -> Stance {
+pub(super) fn stance_of(body: &BodyConfig, now: &Estimate) -> Stance {
     let scale = now.radius.map_or(1.0, |radius| {
         2.0 * radius.radius_m / body.shape.diameter_m()
     });
@@ -438,7 +438,7 @@ fn arrow([x, y, z]: [f64; 3], front_m: [f64; 3], view: &View, color: [u8; 3]) ->
 }
 
 /// The colour of a target, or of a member of a crowd.
-fn color_of((target, member): Key) -> [u8; 3] {
+pub(super) fn color_of((target, member): Key) -> [u8; 3] {
     let number = target + member.map_or(0, |number| number as usize - 1);
     PALETTE[number % PALETTE.len()]
 }

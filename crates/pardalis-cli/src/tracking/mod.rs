@@ -10,6 +10,8 @@ pub(crate) mod missed;
 mod particle_rows;
 mod previous;
 pub(crate) mod radius;
+#[cfg_attr(not(feature = "mcap"), path = "without_recorder.rs")]
+mod recorder;
 mod rows;
 mod series;
 mod smoothed;
@@ -43,6 +45,7 @@ use frame_sets::FrameSets;
 pub(crate) use merge::{FrameSet, Limit, Merge};
 use missed::MissedFrames;
 use particle_rows::ParticleRows;
+use recorder::Recorder;
 use rows::Rows;
 pub(crate) use series::{CrowdCounts, SeriesCollector, truth_series};
 use smoothed::SmoothedTracks;
@@ -63,6 +66,8 @@ pub(crate) struct Options {
     pub(crate) explain: bool,
     /// A file for the particles of each estimate.
     pub(crate) particles: Option<PathBuf>,
+    /// An MCAP recording of images and estimates.
+    pub(crate) mcap: Option<PathBuf>,
     /// Whether to smooth the tracks at the end; needs a folder.
     pub(crate) smooth: bool,
     /// Whether to draw plots.
@@ -254,6 +259,10 @@ pub(crate) fn run_steps(
         Some(path) => Some(ParticleRows::create(path, &open.scene)?),
         None => None,
     };
+    let mut recorder = match &options.mcap {
+        Some(path) => Some(Recorder::create(path, &open.scene)?),
+        None => None,
+    };
     let mut series = SeriesCollector::new(&open.scene);
     let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
     let mut missed = MissedFrames::of(&open.scene.targets);
@@ -277,8 +286,12 @@ pub(crate) fn run_steps(
     if let Some(particle_rows) = &mut particle_rows {
         sinks.others.push(particle_rows);
     }
+    if let Some(recorder) = &mut recorder {
+        sinks.others.push(recorder);
+    }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
     let mut files = Vec::new();
+    let recorded = recorder.map_or(Ok(()), |mut recorder| recorder.finish());
     let finish = || -> Result<()> {
         let Output::Folder(folder) = &options.output else {
             return Ok(());
@@ -308,11 +321,12 @@ pub(crate) fn run_steps(
         files.extend(candidate_rows.map(|rows| rows.path().to_owned()));
         files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
         files.extend(options.particles.clone());
+        files.extend(options.mcap.clone());
         Ok(())
     };
     let finished = finish();
     // What ended the run is the cause of what follows, such as of a summary that a full disk does not take either.
-    ended_by.map_or(finished, Err)?;
+    ended_by.map_or(finished.and(recorded), Err)?;
     Ok(Run {
         scene_path: scene_path.to_owned(),
         open,
@@ -334,6 +348,9 @@ fn make_way(options: &Options) -> Result<()> {
     }
     if let Some(particles) = &options.particles {
         particle_rows::check_path(particles, folder, &RESULTS)?;
+    }
+    if let Some(mcap) = &options.mcap {
+        recorder::check_path(mcap)?;
     }
     if options.previous == Previous::Keep {
         if let Some(folder) = folder {

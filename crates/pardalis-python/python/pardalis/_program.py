@@ -129,6 +129,7 @@ def track(
     annotate: bool = False,
     explain: bool = False,
     plots: bool = True,
+    mcap: str | os.PathLike[str] | None = None,
 ) -> Tracks:
     """Track the targets of a scene through its images or videos, write the results into the folder `output`, and return the tracks.
 
@@ -138,6 +139,7 @@ def track(
     options = [f"--{name}={value}" for name, value in (("seed", seed), ("frames", frames)) if value is not None]
     flags = {"smooth": smooth, "annotate": annotate, "explain": explain, "no-plots": not plots}
     options += [f"--{name}" for name, is_on in flags.items() if is_on]
+    options += [] if mcap is None else [f"--mcap={_text(mcap)}"]
     with _file_of(scene, "scene") as path:
         run("track", *options, "--output", output, "--", path)
     return read_tracks(output)

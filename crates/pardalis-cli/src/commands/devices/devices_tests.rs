@@ -102,7 +102,7 @@ input.codec = \"mjpeg\"
     let scene = Scene::parse(&scene, &|_, _| Err(String::new())).unwrap();
     let place = |camera: &CameraConfig| match &camera.input {
         Input::Video { video, .. } => video.place.clone(),
-        Input::Images { .. } | Input::Given(_) => panic!("no video"),
+        _ => panic!("no video"),
     };
     let devices: Vec<_> = scene.cameras.iter().map(place).collect();
     let device = |path: &str| VideoPlace::Device(path.to_owned());

@@ -1,5 +1,6 @@
 //! `pardalis init`: writes a commented scene file as a starting point.
 
+mod recording;
 pub(crate) mod sequence;
 mod text;
 
@@ -18,6 +19,7 @@ use crate::focal_length::{exif_fov_deg, parse_fov_deg};
 use crate::output::{Shown, in_line, print, warn};
 use crate::scene_files::{read_calibration, read_text};
 use crate::shell_word::shell_word;
+use crate::source::decode::media_kind;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::user_error::user_error;
 use sequence::Recording;
@@ -25,7 +27,7 @@ use text::{Calibration, CameraText, SceneText};
 
 /// Writes a commented scene file as a starting point
 ///
-/// The input is a folder of images, a sequence folder (frames/ and camera.json or cameras.json), a video, or a single image.
+/// The input is a folder of images, a sequence folder (frames/ and camera.json or cameras.json), a video, a single image, or an MCAP recording.
 /// Values that cannot be derived from it are guessed and marked CHANGE; `track` warns while they remain. For a live camera,
 /// record a clip, and put the device in its place in the scene (docs/cameras-live.md).
 #[derive(Debug, clap::Args)]
@@ -34,11 +36,12 @@ use text::{Calibration, CameraText, SceneText};
   pardalis init images --fps 25 --camera pinhole            images from a webcam or a phone
   pardalis init ride.mp4 --fov 65 -o ride.toml              a video; the angle of view is 65 degrees (needs ffmpeg)
   pardalis init ride.mp4 --camera photo.jpg                 a focal length from the EXIF data of a photo by this camera
+  pardalis init ride.mcap                                   every camera of a recording, with its calibration
   pardalis init photo.jpg -o photo.toml                     a single image, for pardalis locate
   pardalis init images --fps 25 --camera lens/camera.toml   with a calibration by this or another program
   pardalis init data/dioptric-jump                          a sequence folder, which contains all this")]
 pub(crate) struct Arguments {
-    /// A folder of images, a sequence folder, a video file, or an image
+    /// A folder of images, a sequence folder, a video file, an image, or an MCAP recording
     input: PathBuf,
     /// The scene file to write
     #[arg(short, long, value_name = "SCENE.toml", default_value = "scene.toml")]
@@ -124,6 +127,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let is_single = is_single_image(&arguments.input);
     let mut radius_m = arguments.radius_m;
     match known_cameras(arguments)? {
+        _ if media_kind(&arguments.input) == Some("recording") => {
+            cameras = recording::cameras(arguments)?;
+        }
         KnownCameras::Calibration {
             file,
             cameras: known,
@@ -156,7 +162,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         KnownCameras::Model(model, mut fov) => {
             let input = frames_of(&arguments.input, None);
             let opened = open(&input, arguments.fps)?;
-            if matches!((model, &fov), (Model::Pinhole, Fov::Unknown)) && !opened.is_video {
+            if matches!((model, &fov), (Model::Pinhole, Fov::Unknown))
+                && !matches!(opened.input, Input::Video)
+            {
                 fov = fov_of_images(&input)?;
             }
             let shown = shown_path(&input, output);
@@ -214,9 +222,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 /// Properties of a frame source.
 pub(super) struct Opened {
     size: (usize, usize),
-    is_video: bool,
-    is_single: bool,
-    has_times: bool,
+    input: Input,
+}
+
+/// Where frames come from.
+enum Input {
+    Video,
+    SingleImage,
+    /// A folder of images, with or without their times.
+    Images {
+        has_times: bool,
+    },
+    /// A topic of an MCAP recording.
+    Recording {
+        topic: String,
+    },
 }
 
 /// Opens the input once, so that errors show now.
@@ -271,9 +291,11 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     let size = Source::open(&config)?.size();
     Ok(Opened {
         size,
-        is_video,
-        is_single,
-        has_times,
+        input: match (is_video, is_single) {
+            (true, _) => Input::Video,
+            (_, true) => Input::SingleImage,
+            _ => Input::Images { has_times },
+        },
     })
 }
 

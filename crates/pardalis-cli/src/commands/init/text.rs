@@ -7,7 +7,7 @@ use pardalis_camera::CalibratedCamera;
 use pardalis_camera::Camera;
 use pardalis_camera::formats::Lens;
 
-use super::{Fov, Model as ModelName, Opened};
+use super::{Fov, Input, Model as ModelName, Opened};
 use crate::focal_length::{TYPICAL_FOV_DEG, focal_length_px, middle_px};
 use crate::user_error::user_error;
 
@@ -149,6 +149,11 @@ impl CameraText {
         }
     }
 
+    /// Gives the camera another name.
+    pub(super) fn named(self, name: String) -> Self {
+        Self { name, ..self }
+    }
+
     fn text(&self, text: &mut String) {
         let Self {
             name,
@@ -224,21 +229,23 @@ const LOOKING_UP: [[f64; 4]; 4] = [
 ];
 
 fn input_lines(opened: &Opened, path: &str, fps: Option<f64>) -> String {
-    let path = toml::Value::String(path.to_owned());
-    if opened.is_video {
-        return format!(
-            "video = {path}  # or a camera such as /dev/video0; input.format, input.codec and others say how to open it"
-        );
-    }
-    if opened.is_single {
-        return format!("images = {path}  # or a folder of images");
-    }
-    let times = match fps {
-        _ if opened.has_times => {
+    let quoted = |text: &str| toml::Value::String(text.to_owned());
+    let path = quoted(path);
+    let times = match (&opened.input, fps) {
+        (Input::Video, _) => {
+            return format!(
+                "video = {path}  # or a camera such as /dev/video0; input.format, input.codec and others say how to open it"
+            );
+        }
+        (Input::SingleImage, _) => return format!("images = {path}  # or a folder of images"),
+        (Input::Recording { topic }, _) => {
+            return format!("mcap = {path}\ntopic = {}", quoted(topic));
+        }
+        (Input::Images { has_times: true }, _) => {
             "# times.csv next to the images contains their time stamps".to_owned()
         }
-        Some(fps) => format!("fps = {fps:?}"),
-        None => format!(
+        (_, Some(fps)) => format!("fps = {fps:?}"),
+        (_, None) => format!(
             "fps = {GUESSED_FPS:?}  # CHANGE: frames per second, or put times.csv next to the images"
         ),
     };

@@ -142,6 +142,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         },
         explain: false,
         particles: None,
+        mcap: None,
         smooth: false,
         plots: false,
         progress: true,

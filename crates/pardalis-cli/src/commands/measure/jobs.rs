@@ -39,6 +39,7 @@ impl Job<'_> {
             annotate: Annotate::No,
             explain: false,
             particles: None,
+            mcap: None,
             smooth: self.run.method == Method::Smooth,
             plots: false,
             progress: false,

@@ -1,0 +1,81 @@
+//! Scenes of MCAP recordings: a camera for each topic with images, calibrated where the recording says so.
+
+use std::path::Path;
+
+use anyhow::Result;
+
+use super::text::{Calibration, CameraText};
+use super::{
+    Arguments, Fov, Input, KnownCameras, Model, Opened, check_size, known_cameras, shown_path,
+};
+use crate::mcap;
+use crate::source::{Source, SourceConfig, SourceKind};
+use crate::user_error::user_error;
+use pardalis_scene::FrameRange;
+
+/// Describes the cameras of a recording.
+pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
+    let (file, output) = (&arguments.input, &arguments.output);
+    if arguments.fps.is_some() {
+        return Err(user_error!(
+            "--fps: a recording carries its own time stamps; leave it out"
+        ));
+    }
+    let is_given = arguments.camera.is_some() || arguments.fov_deg.is_some();
+    let known = match known_cameras(arguments)? {
+        KnownCameras::Model(model, fov) if is_given => KnownCameras::Model(model, fov),
+        KnownCameras::Model(..) => match mcap::calibrations(file, None) {
+            Ok(cameras) => KnownCameras::Calibration {
+                file: file.clone(),
+                cameras,
+            },
+            Err(_) => KnownCameras::Model(Model::Pinhole, Fov::Unknown),
+        },
+        known @ KnownCameras::Calibration { .. } => known,
+    };
+    let mut cameras: Vec<CameraText> = Vec::new();
+    for (name, topic) in mcap::image_topics(file).map_err(|message| user_error!("{message}"))? {
+        let opened = open(file, &topic)?;
+        let shown = shown_path(file, output);
+        let calibrated = match &known {
+            KnownCameras::Calibration { cameras, .. } if cameras.len() == 1 => cameras.first(),
+            KnownCameras::Calibration { cameras, .. } => cameras.iter().find(|c| c.name == name),
+            KnownCameras::Model(..) => None,
+        };
+        let text = match (&known, calibrated) {
+            (KnownCameras::Calibration { file, .. }, Some(camera)) => {
+                check_size(file, camera, opened.size)?;
+                let calibration = Calibration {
+                    file: shown_path(file, output),
+                    lens: arguments.lens,
+                };
+                CameraText::known(camera, calibration, &opened, &shown, None)
+            }
+            (KnownCameras::Calibration { .. }, None) => {
+                CameraText::guessed(Model::Pinhole, &Fov::Unknown, &opened, &shown, None)
+            }
+            (KnownCameras::Model(model, fov), _) => {
+                CameraText::guessed(*model, fov, &opened, &shown, None)
+            }
+        };
+        cameras.push(text.named(name));
+    }
+    Ok(cameras)
+}
+
+fn open(file: &Path, topic: &str) -> Result<Opened> {
+    let config = SourceConfig {
+        kind: SourceKind::Recording {
+            file: file.to_owned(),
+            topic: Some(topic.to_owned()),
+        },
+        time_offset_s: 0.0,
+        frames: FrameRange::ALL,
+    };
+    Ok(Opened {
+        size: Source::open(&config)?.size(),
+        input: Input::Recording {
+            topic: topic.to_owned(),
+        },
+    })
+}
