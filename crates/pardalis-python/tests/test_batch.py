@@ -107,8 +107,11 @@ def test_recordings_and_truths(scene, tmp_path, monkeypatch):
     for image in sorted((folder / "first").glob("*.png"))[5:]:
         image.unlink()
     monkeypatch.chdir(folder)
+    cameras = {"cam1": {"images": "frames", "calibration": Path("cameras.toml")}}
+    targets = {"ball": {"shape": {"sphere": {"radius_m": 0.1}}, "colors": "ball.colors.toml"}}
+    table = {"seed": 7, "cameras": cameras, "targets": targets}
     batch = pardalis.batch.run(
-        {"plain": "scene.toml", "table": pardalis.batch.tomllib.loads(scene.read_text()) | {"seed": 7}},
+        {"plain": "scene.toml", "table": table},
         "out",
         recordings={"first": {"cam1": "first"}, "half": {"cam1": {"frame_step": 2}}, "gone": {"cam1": "gone.mp4"}},
         truths={"first": ".", "half": "truth.csv"},

@@ -36,11 +36,6 @@ from typing import Any
 from ._pardalis import __version__, toml_text
 from ._program import TEXT_COLUMNS, call
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 __all__ = ["Batch", "run"]
 
 Scene = str | os.PathLike[str] | Mapping[str, Any]
@@ -276,8 +271,9 @@ def _read(name: str, scene: Scene) -> dict[str, Any]:
     if isinstance(scene, Mapping):
         return _with_files(scene, lambda _, path: os.path.abspath(path))
     path = Path(os.path.abspath(scene))
+    toml = _needed("tomllib" if sys.version_info >= (3, 11) else "tomli", "tomli")
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = toml.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ValueError(f'{scene}, the scene "{name}", cannot be read: {error}') from error
     return _with_files(table, lambda _, file: os.path.join(path.parent, file))
