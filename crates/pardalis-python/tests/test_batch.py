@@ -137,7 +137,7 @@ def test_recordings_and_truths(scene, tmp_path, monkeypatch):
     assert "gone.mp4" in batch.failures["plain.gone.1"]
 
 
-def test_arguments_that_cannot_be_used_are_named(scene, tmp_path):
+def test_arguments_that_cannot_be_used_are_named(scene, tmp_path, monkeypatch):
     out = tmp_path / "out"
 
     def error(scenes=scene, **options):
@@ -154,7 +154,11 @@ def test_arguments_that_cannot_be_used_are_named(scene, tmp_path):
     assert "truth.csv" in error(truths={"scene": tmp_path})
     assert error(engine="rai") == "engine is 'rai'; allowed: \"local\", \"ray\", \"dask\" or a client of Dask"
     assert error(workers=0) == "workers is 0; allowed: 1 or more"
-    assert not list(out.rglob("*.parquet")) or [path.name for path in out.rglob("*.parquet")] == ["items.parquet"]
+    assert error(seeds=[1, -1]) == "a seed is -1; allowed: 0 to 4294967295"
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(ImportError, match='needs the package ray: pip install "ray"'):
+        pardalis.batch.run(scene, out, engine="ray")
+    assert not out.exists()
 
 
 def test_files_of_other_items_are_refused(scene, tmp_path):

@@ -15,6 +15,7 @@ import functools
 import hashlib
 import importlib
 import json
+import operator
 import os
 import queue
 import re
@@ -53,6 +54,7 @@ _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 # Part of what an item's results depend on: another number when the same input is to give other files.
 _FORMAT = 1
 _METADATA = b"pardalis"
+_MAX_SEED = 2**32 - 1
 _STATES = ("tracking", "occluded", "searching", "lost")
 # The columns of `items.parquet`, in their order, with what they hold.
 _ITEM_COLUMNS = (
@@ -134,6 +136,9 @@ def run(
     commands = _Commands(tuple(options), tuple(evaluate_options), threads)
     items = _planned(scenes, recordings, truths, seeds, commands, folder)
     _refuse_others(folder, items)
+    # At once; None for as many as a cluster has room for.
+    limit = workers or (max(1, _cores() // threads) if engine == "local" else None)
+    starting = _engine(engine, limit, threads)
 
     records = {item.name: _finished(item) for item in items}
     waiting = [item for item in items if records[item.name] is None]
@@ -145,7 +150,7 @@ def run(
     try:
         if waiting:
             with (
-                _engine(engine, workers, threads) as (submit, stop, limit),
+                starting as (submit, stop),
                 # Closed at once on an interrupt, which stops the items before the engine waits for them.
                 contextlib.closing(_outcomes(waiting, submit, stop, limit, retries)) as outcomes,
             ):
@@ -227,12 +232,12 @@ def _planned(
         if not _NAME.fullmatch(name):
             raise ValueError(f'"{name}" is the name of a scene or recording; allowed: 1 to 64 of A-Z a-z 0-9 _ -')
     truth_files = _truth_files(truths or {}, named_scenes if recordings is None else recordings)
-    seed_list = None if seeds is None else list(dict.fromkeys(map(int, seeds)))
+    seed_list = None if seeds is None else list(dict.fromkeys(map(operator.index, seeds)))
     stamp = functools.cache(_stamp)
     items = []
     for scene_name, scene in named_scenes.items():
         table = _read(scene_name, scene)
-        own_seed = table.pop("seed", 1)
+        own_seed = operator.index(table.pop("seed", 1))
         for recording_name, sources in ({_OWN: {}} if recordings is None else recordings).items():
             shown = _with_sources(table, scene_name, recording_name, sources)
             truth = truth_files.get(scene_name if recordings is None else recording_name)
@@ -241,6 +246,8 @@ def _planned(
             parts += [] if truth is None else [stamp("truth", truth), commands.evaluate]
             text = toml_text(shown)
             for seed in [own_seed] if seed_list is None else seed_list:
+                if not 0 <= seed <= _MAX_SEED:
+                    raise ValueError(f"a seed is {seed}; allowed: 0 to {_MAX_SEED}")
                 key = hashlib.sha256(json.dumps([*parts, seed]).encode()).hexdigest()
                 items.append(_Item(scene_name, recording_name, seed, text, truth, commands, key, folder))
     return items
@@ -341,7 +348,7 @@ def _finished(item: _Item) -> dict[str, Any] | None:
         record: dict[str, Any] = json.loads(parquet.read_schema(item.path).metadata[_METADATA])
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return record if record["key"] == item.key else None
+    return record if record.get("key") == item.key else None
 
 
 def _refuse_others(folder: Path, items: list[_Item]) -> None:
@@ -455,11 +462,14 @@ def _table(item: _Item, path: str) -> Any:
 
 # --- Engines ---
 
-_Submit = Callable[[_Item], "concurrent.futures.Future[_Outcome]"]
+_Future = concurrent.futures.Future[_Outcome]
+_Submit = Callable[[_Item], _Future]
+_Stop = Callable[[Iterable[_Future]], None]
+_Engine = tuple[_Submit, _Stop]
 
 
 def _outcomes(
-    items: Iterable[_Item], submit: _Submit, stop: Callable[[], None], limit: int | None, retries: int
+    items: Iterable[_Item], submit: _Submit, stop: _Stop, limit: int | None, retries: int
 ) -> Generator[tuple[_Item, _Outcome], None, None]:
     """Track items, `limit` at once, and yield what became of each when it has succeeded or failed for good."""
     waiting = deque(items)
@@ -486,7 +496,7 @@ def _outcomes(
             else:
                 waiting.append(item)
     except BaseException:
-        stop()
+        stop(running)
         concurrent.futures.wait([future for future in running if not future.done()], _STOP_S)
         raise
 
@@ -499,16 +509,14 @@ def _outcome(future: concurrent.futures.Future[_Outcome]) -> _Outcome:
         return _Outcome(None, f"{type(error).__name__}: {error}", is_final=False)
 
 
-def _engine(
-    engine: Any, workers: int | None, threads: int
-) -> contextlib.AbstractContextManager[tuple[_Submit, Callable[[], None], int | None]]:
-    """Give the engine's functions that track an item and that stop all items, and how many to track at once."""
+def _engine(engine: Any, limit: int | None, threads: int) -> contextlib.AbstractContextManager[_Engine]:
+    """Give the engine's functions that start an item and that stop items."""
     if engine == "local":
-        return _local(workers or max(1, _cores() // threads))
+        return _local(limit)
     if engine == "ray":
-        return _ray(workers, threads)
+        return _ray(_needed("ray", "ray"), threads)
     if engine == "dask" or hasattr(engine, "get_executor"):
-        return _dask(engine, workers)
+        return _dask(_needed("distributed", "dask[distributed]"), engine)
     raise ValueError(f'engine is {engine!r}; allowed: "local", "ray", "dask" or a client of Dask')
 
 
@@ -517,7 +525,7 @@ def _cores() -> int:
 
 
 @contextlib.contextmanager
-def _local(workers: int) -> Iterator[tuple[_Submit, Callable[[], None], int | None]]:
+def _local(workers: int | None) -> Iterator[_Engine]:
     # Threads suffice: each item is a process of its own.
     pool = concurrent.futures.ThreadPoolExecutor(workers)
     processes: dict[int, subprocess.Popen[str]] = {}
@@ -528,47 +536,44 @@ def _local(workers: int) -> Iterator[tuple[_Submit, Callable[[], None], int | No
         if is_stopping.is_set():
             process.terminate()
 
-    def stop() -> None:
-        pool.shutdown(wait=False, cancel_futures=True)
+    def stop(_: Iterable[_Future]) -> None:
         is_stopping.set()
         for process in list(processes.values()):
             process.terminate()
 
     with pool:
-        yield lambda item: pool.submit(_track, item, watch), stop, workers
+        yield lambda item: pool.submit(_track, item, watch), stop
 
 
 @contextlib.contextmanager
-def _ray(workers: int | None, threads: int) -> Iterator[tuple[_Submit, Callable[[], None], int | None]]:
-    ray = _needed("ray", "ray")
+def _ray(ray: Any, threads: int) -> Iterator[_Engine]:
     is_ours = not ray.is_initialized()
     if is_ours:
         ray.init()
     # Retries are counted here, for all engines alike.
     task = ray.remote(num_cpus=threads, max_retries=0)(_track)
-    running: dict[concurrent.futures.Future[_Outcome], Any] = {}
+    references: dict[_Future, Any] = {}
 
-    def submit(item: _Item) -> concurrent.futures.Future[_Outcome]:
+    def submit(item: _Item) -> _Future:
         reference = task.remote(item)
-        future: concurrent.futures.Future[_Outcome] = reference.future()
-        running[future] = reference
-        future.add_done_callback(lambda future: running.pop(future, None))
+        future: _Future = reference.future()
+        references[future] = reference
+        future.add_done_callback(lambda future: references.pop(future, None))
         return future
 
-    def stop() -> None:
-        for reference in list(running.values()):
+    def stop(_: Iterable[_Future]) -> None:
+        for reference in list(references.values()):
             ray.cancel(reference)
 
     try:
-        yield submit, stop, workers
+        yield submit, stop
     finally:
         if is_ours:
             ray.shutdown()
 
 
 @contextlib.contextmanager
-def _dask(client: Any, workers: int | None) -> Iterator[tuple[_Submit, Callable[[], None], int | None]]:
-    distributed = _needed("distributed", "dask[distributed]")
+def _dask(distributed: Any, client: Any) -> Iterator[_Engine]:
     is_ours = False
     if client == "dask":
         try:
@@ -577,21 +582,14 @@ def _dask(client: Any, workers: int | None) -> Iterator[tuple[_Submit, Callable[
             client, is_ours = distributed.Client(), True
     # Not pure: an item that is tried again is tracked again.
     executor = client.get_executor(pure=False)
-    running: set[concurrent.futures.Future[_Outcome]] = set()
 
-    def submit(item: _Item) -> concurrent.futures.Future[_Outcome]:
-        future: concurrent.futures.Future[_Outcome] = executor.submit(_track, item)
-        running.add(future)
-        future.add_done_callback(running.discard)
-        return future
-
-    def stop() -> None:
+    def stop(futures: Iterable[_Future]) -> None:
         # Dask lets items end that have begun.
-        for future in list(running):
+        for future in futures:
             future.cancel()
 
     try:
-        yield submit, stop, workers
+        yield functools.partial(executor.submit, _track), stop
     finally:
         if is_ours:
             client.close()
