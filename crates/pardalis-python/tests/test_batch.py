@@ -313,6 +313,7 @@ def test_ray_writes_the_same_bytes_although_a_node_is_killed(scene, tmp_path, mo
     (tmp_path / "work").mkdir()
     monkeypatch.setenv("RAY_TMPDIR", tempfile.gettempdir())
     monkeypatch.setenv("TMPDIR", str(tmp_path / "work"))
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     scenes = {"good": scene, "bad": bad(scene)}
     pardalis.batch.run(scenes, tmp_path / "local", seeds=range(12), frames=4)
     memory = {"object_store_memory": 80 << 20}
