@@ -107,23 +107,25 @@ def run(
 ) -> Batch:
     """Track each recording with each scene and seed, and write the results into the folder `output`.
 
-    A scene is a file or a dictionary, as for `track`; several have names: `{"plain": "plain.toml", "prior": "prior.toml"}`. `recordings` maps
-    names to what the cameras of the scenes show: `{"monday": {"cam1": "monday.mp4"}}`, with a video or a folder of images, or a dictionary of the
-    camera's keys that differ. Without it, each scene tracks what it names itself, and its recording is called "own". `seeds` default to that of each
-    scene. `truths` maps recordings, or scenes without `recordings`, to the truth that each item is evaluated with, given `evaluate_options`.
-    `frames` and `smooth` are those of `track`. Paths start at the current folder, those in the file of a scene at its folder.
+    A scene is a file or a dictionary, as for `track`; several have names: `{"plain": "plain.toml", "prior": "prior.toml"}`. `recordings`
+    maps names to what the cameras of the scenes show: `{"monday": {"cam1": "monday.mp4"}}`, with a video or a folder of images, or a
+    dictionary of the camera's keys that differ. Without it, each scene tracks what it names itself, and its recording is called "own".
+    `seeds` default to that of each scene. `truths` maps recordings, or scenes without `recordings`, to the truth that each item is
+    evaluated with, given `evaluate_options`. `frames` and `smooth` are those of `track`. Paths start at the current folder, those in the
+    file of a scene at its folder.
 
     The folder then has a file per item in `tracks`, with the rows of `tracks.csv` after the columns `scene`, `recording` and `seed`, and
     `items.parquet`, with one row per item and target: status, error, warnings, the number of rows in each state, and errors in metres.
     The same arguments and versions give the same bytes for any engine, `workers` and `threads`.
 
-    What is finished is not tracked again, unless its scene, a file that it names, an option or the version of Pardalis has changed. Invalid
-    input fails at once; other failures are tried up to `retries` more times. An item that fails does not stop the others, and the next run tries
-    it again. Ctrl-C ends the running items and keeps the finished ones.
+    What is finished is not tracked again, unless its scene, a file that it names, an option or the version of Pardalis has changed.
+    Invalid input fails at once; other failures are tried up to `retries` more times. An item that fails does not stop the others, and the
+    next run tries it again. Ctrl-C ends the running items and keeps the finished ones.
 
-    `engine` is "local", "ray" (the Ray that is initialised, or the cluster that `ray.init()` finds, or else this computer), "dask" (the current client, or a new one)
-    or a client of Dask. All computers of a cluster need Pardalis and the same paths. At most `workers` items run at once: by default as many as there are
-    cores, or as the cluster has room for. Each takes `threads` of them; more are of use where there are fewer items than cores.
+    `engine` is "local", "ray" (the Ray that is initialised, or the cluster that `ray.init()` finds, or else this computer), "dask" (the
+    current client, or a new one) or a client of Dask. All computers of a cluster need Pardalis and the same paths. At most `workers`
+    items run at once: by default as many as there are cores, or as the cluster has room for. Each takes `threads` of them; more are of
+    use where there are fewer items than cores.
     """
     for name, value, least in (("workers", workers, 1), ("threads", threads, 1), ("retries", retries, 0)):
         if value is not None and value < least:
