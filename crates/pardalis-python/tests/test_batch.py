@@ -137,6 +137,23 @@ def test_recordings_and_truths(scene, tmp_path, monkeypatch):
     assert "gone.mp4" in batch.failures["plain.gone.1"]
 
 
+def test_crowds_and_warnings(scene, tmp_path):
+    folder = scene.parent
+    cameras = {"cam1": {"images": folder / "frames", "calibration": folder / "cameras.toml"}}
+    ball = {"count": "any", "shape": {"sphere": {"radius_m": 0.1}}, "colors": folder / "ball.colors.toml"}
+    table = {"guessed": ["targets.ball.shape.sphere.radius_m"], "cameras": cameras, "targets": {"ball": ball}}
+    pardalis.batch.run(table, tmp_path / "out", truths={"scene": folder})
+    crowd = items(tmp_path / "out").loc[("scene", "own", 1)]
+    with pytest.warns(UserWarning) as warned:
+        figures = pardalis.evaluate(pardalis.track(table, tmp_path / "tracks", plots=False), folder)
+    assert (crowd.target, crowd.gospa_m, crowd.switches) == ("ball", figures["crowds"][0]["gospa_m"], 0)
+    assert np.isnan(crowd.position_rmse_m)
+    # The program names the file of the scene and its lines, which exist only while an item is tracked.
+    (warning,) = crowd.warnings.splitlines()
+    words = "guessed: positions are only as right as these guesses: radius_m"
+    assert warning.startswith(f'scene "scene": {words}. ') and words in str(warned[0].message)
+
+
 def test_arguments_that_cannot_be_used_are_named(scene, tmp_path, monkeypatch):
     out = tmp_path / "out"
 

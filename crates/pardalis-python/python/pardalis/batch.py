@@ -431,8 +431,13 @@ def _track(item: _Item, watch: Callable[[subprocess.Popen[str]], None] | None = 
 
 
 def _told(message: str, scene: str, item: _Item) -> str:
-    """Return a message of the program without the place of the worker's scene, and the lines there: nobody sees that file."""
-    return re.sub(r"(?m)^  line \d+: ", "  ", message.replace(scene, f'scene "{item.scene}"'))
+    """Return a message of the program without the place of the worker's scene and the lines there: nobody sees that file."""
+    name = f'scene "{item.scene}"'
+    message = message.replace(scene, name)
+    if message.startswith(name):
+        message = re.sub(rf"(?m)^(  |{name}: )line \d+: ", r"\1", message)
+        message = re.sub(r" \(line \d+\)", "", message)
+    return message
 
 
 def _row(target: str, states: Mapping[str, int], figures: Mapping[str, Any]) -> dict[str, Any]:
