@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from ._pardalis import toml_text
 
-_TEXTS = ("target", "state")
+TEXT_COLUMNS = ("target", "state")
 _WARNING, _ERROR = "warning: ", "error: "
+_WAKE_S = 0.5
 
 
 def run(*arguments: str | float | os.PathLike[str]) -> str:
@@ -31,26 +32,65 @@ def run(*arguments: str | float | os.PathLike[str]) -> str:
     `run("--help")` lists the commands. Invalid input raises a `ValueError`, any other failure a `RuntimeError`, both with the words of
     the program; its warnings are Python's. When Python is interrupted, the program stops as with Ctrl-C, and keeps what it has written.
     """
+    ended = call(*arguments)
+    for message in ended.warnings:
+        warnings.warn(message, stacklevel=2)
+    if ended.error is not None:
+        raise ended.error
+    print(*ended.notes, sep="\n", end="\n" * bool(ended.notes), file=sys.stderr)
+    return ended.printed
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What a command printed and said, and the error that ended it, if one did."""
+
+    printed: str
+    warnings: list[str]
+    notes: list[str]
+    error: ValueError | RuntimeError | None
+
+
+def call(
+    *arguments: str | float | os.PathLike[str],
+    watch: Callable[[subprocess.Popen[str]], None] | None = None,
+    stop: signal.Signals = signal.SIGINT,
+) -> Ended:
+    """Run a command of the program.
+
+    `watch` gets its process, for instance to end it from another thread. When Python is interrupted, the program gets the signal `stop`.
+    """
     command = [sys.executable, "-m", __package__, *map(_text, arguments)]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, encoding="utf-8") as process:
         try:
-            printed, messages = process.communicate()
+            if watch is not None:
+                watch(process)
+            printed, messages = _communicated(process)
         except BaseException:
-            process.send_signal(signal.SIGINT)
+            process.send_signal(stop)
             process.communicate()
             raise
-    notes = []
+    warned, notes = [], []
     for message in _messages(messages):
         if message.startswith(_WARNING):
-            warnings.warn(message.removeprefix(_WARNING), stacklevel=2)
+            warned.append(message.removeprefix(_WARNING))
         else:
             notes.append(message.removeprefix(_ERROR))
-    if process.returncode == 0:
-        print(*notes, sep="\n", end="\n" * bool(notes), file=sys.stderr)
-        return printed
-    error = "\n".join(notes) or f"pardalis {arguments[0]} ended with code {process.returncode}"
-    raise (ValueError if process.returncode == 2 else RuntimeError)(error)
+    error: ValueError | RuntimeError | None = None
+    if process.returncode != 0:
+        text = "\n".join(notes) or f"pardalis {arguments[0]} ended with code {process.returncode}"
+        error = ValueError(text) if process.returncode == 2 else RuntimeError(text)
+    return Ended(printed, warned, notes, error)
+
+
+def _communicated(process: subprocess.Popen[str]) -> tuple[str, str]:
+    while True:
+        try:
+            return process.communicate(timeout=_WAKE_S)
+        except subprocess.TimeoutExpired:
+            # Lets an interrupt in that comes without a signal, as in workers of Ray.
+            pass
 
 
 def _text(argument: str | float | os.PathLike[str]) -> str:
@@ -109,7 +149,7 @@ def read_tracks(folder: str | os.PathLike[str]) -> Tracks:
         names, *rows = csv.reader(file)
     columns = {}
     for name, values in zip(names, zip(*rows) if rows else [()] * len(names)):
-        if name in _TEXTS:
+        if name in TEXT_COLUMNS:
             columns[name] = np.array(values, dtype=str)
         elif name == "frame":
             columns[name] = np.array(values, dtype=np.int64)

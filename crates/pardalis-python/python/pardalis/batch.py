@@ -1,0 +1,648 @@
+"""Batches: each recording with each scene and seed, on the cores of one computer or on a cluster, with the results as Parquet.
+
+    import pardalis.batch
+
+    pardalis.batch.run("scene.toml", "results", seeds=range(1, 101))
+
+Needs the package pyarrow. Import this module by its name: `import pardalis` alone leaves it out.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import contextlib
+import functools
+import hashlib
+import importlib
+import json
+import operator
+import os
+import queue
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import uuid
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+from ._pardalis import __version__, toml_text
+from ._program import TEXT_COLUMNS, call
+
+__all__ = ["Batch", "run"]
+
+Scene = str | os.PathLike[str] | Mapping[str, Any]
+Source = str | os.PathLike[str] | Mapping[str, Any]
+
+# The name of the recording where a scene tracks what it names itself.
+_OWN = "own"
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
+# Keys of scenes that name files. Images and videos are large, and known by size and time; the others by their contents.
+_RECORDED = ("images", "video")
+_CONTENTS = ("calibration", "colors", "detections", "file", "mask", "odometry", "poses")
+# Keys of a camera that belong to images or to videos alone.
+_ONLY_OF = {"images": ("images", "fps"), "video": ("video", "input", "yuv")}
+_IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
+# Part of what an item's results depend on: another number when the same input is to give other files.
+_FORMAT = 1
+_METADATA = b"pardalis"
+_MAX_SEED = 2**32 - 1
+_STATES = ("tracking", "occluded", "searching", "lost")
+# The columns of `items.parquet`, in their order, with what they hold.
+_ITEM_COLUMNS = (
+    ("text", ("scene", "recording")),
+    ("whole", ("seed",)),
+    ("text", ("status", "error", "warnings", "target")),
+    ("whole", ("rows", *_STATES)),
+    ("number", ("coverage",)),
+    ("whole", ("lost_frames",)),
+    ("number", ("position_rmse_m", "position_median_m", "position_max_m", "gospa_m")),
+    ("whole", ("switches",)),
+)
+# How long an interrupted run waits for its items to end.
+_STOP_S = 10.0
+_WAKE_S = 0.5
+# How often progress is printed.
+_TERMINAL_S, _LINES_S = 0.2, 30.0
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What became of a batch.
+
+    `folder` has the results: `items.parquet` and the folder `tracks`. `items` is the number of items, and `tracked` how many of them
+    this run has tracked; those that earlier runs had finished were not tracked again. `failures` maps the names of the items that
+    failed, such as `scene.monday.1`, to their errors.
+    """
+
+    folder: Path
+    items: int
+    tracked: int
+    failures: Mapping[str, str] = field(repr=False)
+
+
+def run(
+    scenes: Scene | Mapping[str, Scene],
+    output: str | os.PathLike[str],
+    *,
+    recordings: Mapping[str, Mapping[str, Source]] | None = None,
+    truths: Mapping[str, str | os.PathLike[str]] | None = None,
+    seeds: Iterable[int] | None = None,
+    frames: int | None = None,
+    smooth: bool = False,
+    evaluate_options: Sequence[str] = (),
+    engine: Any = "local",
+    workers: int | None = None,
+    threads: int = 1,
+    retries: int = 2,
+    progress: bool = True,
+) -> Batch:
+    """Track each recording with each scene and seed, and write the results into the folder `output`.
+
+    A scene is a file or a dictionary, as for `track`; several have names: `{"plain": "plain.toml", "prior": "prior.toml"}`. `recordings`
+    maps names to what the cameras of the scenes show: `{"monday": {"cam1": "monday.mp4"}}`, with a video or a folder of images, or a
+    dictionary of the camera's keys that differ. Without it, each scene tracks what it names itself, and its recording is called "own".
+    `seeds` default to that of each scene. `truths` maps recordings, or scenes without `recordings`, to the truth that each item is
+    evaluated with, given `evaluate_options`. `frames` and `smooth` are those of `track`. Paths start at the current folder, those in the
+    file of a scene at its folder.
+
+    The folder then has a file per item in `tracks`, with the rows of `tracks.csv` after the columns `scene`, `recording` and `seed`, and
+    `items.parquet`, with one row per item and target: status, error, warnings, the number of rows in each state, and errors in metres.
+    The same arguments and versions give the same bytes for any engine, `workers` and `threads`.
+
+    What is finished is not tracked again, unless its scene, a file that it names, an option or the version of Pardalis has changed.
+    Invalid input fails at once; other failures are tried up to `retries` more times. An item that fails does not stop the others, and the
+    next run tries it again. Ctrl-C ends the running items and keeps the finished ones.
+
+    `engine` is "local", "ray" (the Ray that is initialised, or the cluster that `ray.init()` finds, or else this computer), "dask" (the
+    current client, or a new one) or a client of Dask. All computers of a cluster need Pardalis and the same paths. At most `workers`
+    items run at once: by default as many as there are cores, or as the cluster has room for. Each takes `threads` of them; more are of
+    use where there are fewer items than cores.
+    """
+    for name, value, least in (("workers", workers, 1), ("threads", threads, 1), ("retries", retries, 0)):
+        if value is not None and value < least:
+            raise ValueError(f"{name} is {value}; allowed: {least} or more")
+    _needed("pyarrow", "pyarrow")
+    folder = Path(os.path.abspath(output))
+    options = ["--no-plots"]
+    options += [] if frames is None else [f"--frames={frames}"]
+    options += ["--smooth"] if smooth else []
+    commands = _Commands(tuple(options), tuple(evaluate_options), threads)
+    items = _planned(scenes, recordings, truths, seeds, commands, folder)
+    _refuse_others(folder, items)
+    # At once; None for as many as a cluster has room for.
+    limit = workers or (max(1, _cores() // threads) if engine == "local" else None)
+    starting = _engine(engine, limit, threads)
+
+    records = {item.name: _finished(item) for item in items}
+    waiting = [item for item in items if records[item.name] is None]
+    for item in waiting:
+        # Of an earlier scene, or half of it was lost: the folder shall not have it if the item fails.
+        item.path.unlink(missing_ok=True)
+    failures: dict[str, str] = {}
+    report = _Progress(len(items), len(waiting), is_on=progress)
+    try:
+        if waiting:
+            with (
+                starting as (submit, stop),
+                # Closed at once on an interrupt, which stops the items before the engine waits for them.
+                contextlib.closing(_outcomes(waiting, submit, stop, limit, retries)) as outcomes,
+            ):
+                for item, outcome in outcomes:
+                    records[item.name] = outcome.record
+                    if outcome.error is not None:
+                        failures[item.name] = outcome.error
+                    report.show(len(failures))
+    finally:
+        for item in waiting:
+            if records[item.name] is None and item.name not in failures:
+                # It may have ended while the run was interrupted.
+                records[item.name] = _finished(item)
+        tracked = sum(records[item.name] is not None for item in waiting)
+        _write_items(folder, items, records, failures)
+        shutil.rmtree(folder / ".partial", ignore_errors=True)
+        report.end(tracked, len(failures), folder)
+    # In the order of the items, not in that in which they ended.
+    in_order = {item.name: failures[item.name] for item in items if item.name in failures}
+    return Batch(folder, len(items), tracked, in_order)
+
+
+@dataclass(frozen=True)
+class _Commands:
+    """Options of the commands; results depend on all but the number of threads."""
+
+    track: tuple[str, ...]
+    evaluate: tuple[str, ...]
+    threads: int
+
+
+@dataclass(frozen=True)
+class _Item:
+    """A scene, a recording and a seed: all that a worker needs, which may be on another computer."""
+
+    scene: str
+    recording: str
+    seed: int
+    # The scene file, with absolute paths.
+    text: str
+    truth: str | None
+    commands: _Commands
+    # Of everything that its result depends on.
+    key: str
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        return f"{self.scene}.{self.recording}.{self.seed}"
+
+    @property
+    def path(self) -> Path:
+        return self.folder / "tracks" / f"{self.name}.parquet"
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """The record of an item, or its error."""
+
+    record: dict[str, Any] | None
+    error: str | None = None
+    is_final: bool = True
+
+
+# --- What is to be tracked ---
+
+
+def _planned(
+    scenes: Scene | Mapping[str, Scene],
+    recordings: Mapping[str, Mapping[str, Source]] | None,
+    truths: Mapping[str, str | os.PathLike[str]] | None,
+    seeds: Iterable[int] | None,
+    commands: _Commands,
+    folder: Path,
+) -> list[_Item]:
+    """Return the items in their order: by scene, recording and seed, each as given."""
+    named_scenes = _named(scenes)
+    for name in (*named_scenes, *(recordings or ())):
+        if not _NAME.fullmatch(name):
+            raise ValueError(f'"{name}" is the name of a scene or recording; allowed: 1 to 64 of A-Z a-z 0-9 _ -')
+    truth_files = _truth_files(truths or {}, named_scenes if recordings is None else recordings)
+    seed_list = None if seeds is None else list(dict.fromkeys(map(operator.index, seeds)))
+    stamp = functools.cache(_stamp)
+    items = []
+    for scene_name, scene in named_scenes.items():
+        table = _read(scene_name, scene)
+        own_seed = operator.index(table.pop("seed", 1))
+        for recording_name, sources in ({_OWN: {}} if recordings is None else recordings).items():
+            shown = _with_sources(table, scene_name, recording_name, sources)
+            truth = truth_files.get(scene_name if recordings is None else recording_name)
+            # Stamps stand for paths: folders that are moved are still known.
+            parts = [_FORMAT, __version__, scene_name, recording_name, toml_text(_with_files(shown, stamp)), commands.track]
+            parts += [] if truth is None else [stamp("truth", truth), commands.evaluate]
+            text = toml_text(shown)
+            for seed in [own_seed] if seed_list is None else seed_list:
+                if not 0 <= seed <= _MAX_SEED:
+                    raise ValueError(f"a seed is {seed}; allowed: 0 to {_MAX_SEED}")
+                key = hashlib.sha256(json.dumps([*parts, seed]).encode()).hexdigest()
+                items.append(_Item(scene_name, recording_name, seed, text, truth, commands, key, folder))
+    return items
+
+
+def _named(scenes: Scene | Mapping[str, Scene]) -> Mapping[str, Scene]:
+    if not isinstance(scenes, Mapping):
+        return {Path(scenes).stem: scenes}
+    # Every scene has cameras.
+    return {"scene": scenes} if "cameras" in scenes else scenes
+
+
+def _truth_files(truths: Mapping[str, str | os.PathLike[str]], known: Iterable[str]) -> dict[str, str]:
+    files = {}
+    for name, truth in truths.items():
+        if name not in known:
+            raise ValueError(f'truths: there is no "{name}"; allowed: {", ".join(known)}')
+        path = os.path.abspath(truth)
+        path = os.path.join(path, "truth.csv") if os.path.isdir(path) else path
+        if not os.path.isfile(path):
+            raise ValueError(f'truths: {path}, that of "{name}", is not there; check its name')
+        files[name] = path
+    return files
+
+
+def _read(name: str, scene: Scene) -> dict[str, Any]:
+    """Return a scene as a dictionary whose paths are absolute."""
+    if isinstance(scene, Mapping):
+        return _with_files(scene, lambda _, path: os.path.abspath(path))
+    path = Path(os.path.abspath(scene))
+    toml = _needed("tomllib" if sys.version_info >= (3, 11) else "tomli", "tomli")
+    try:
+        table = toml.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f'{scene}, the scene "{name}", cannot be read: {error}') from error
+    return _with_files(table, lambda _, file: os.path.join(path.parent, file))
+
+
+def _with_files(table: Mapping[str, Any], change: Callable[[str, str], str]) -> dict[str, Any]:
+    """Return a copy of a scene in which `change`, given key and path, replaces the names of files."""
+    changed: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            changed[key] = _with_files(value, change)
+        elif key in (*_RECORDED, *_CONTENTS) and isinstance(value, (str, os.PathLike)):
+            if value == "-" or "://" in os.fspath(value):
+                raise ValueError(f'{key} = "{value}" is live; a batch tracks recordings: give the name of a file or folder')
+            changed[key] = change(key, os.fspath(value))
+        else:
+            changed[key] = value
+    return changed
+
+
+def _with_sources(table: dict[str, Any], scene: str, recording: str, sources: Mapping[str, Source]) -> dict[str, Any]:
+    """Return a copy of a scene whose cameras show a recording."""
+    cameras = dict(table.get("cameras", {}))
+    for name, source in sources.items():
+        if name not in cameras:
+            raise ValueError(f'recordings: "{recording}" is of the camera "{name}", and scene "{scene}" has only {", ".join(cameras)}')
+        if not isinstance(source, Mapping):
+            is_images = os.path.isdir(source) or os.fspath(source).lower().endswith(_IMAGE_SUFFIXES)
+            source = {"images" if is_images else "video": source}
+        camera = cameras[name]
+        for kind, other in (("images", "video"), ("video", "images")):
+            if kind in source and other in camera:
+                camera = {key: value for key, value in camera.items() if key not in _ONLY_OF[other]}
+        cameras[name] = camera | _with_files(source, lambda _, path: os.path.abspath(path))
+    return {**table, "cameras": cameras}
+
+
+def _stamp(key: str, path: str) -> str:
+    """Return a text that changes with what the file or folder of this key holds."""
+    if key not in _RECORDED:
+        # A missing file is an error of its items, in the words of the program.
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest() if os.path.isfile(path) else "missing"
+    if os.path.isdir(path):
+        files = sorted(entry.path for entry in os.scandir(path))
+    elif os.path.isfile(path) or not os.path.exists(path):
+        files = [path]
+    else:
+        raise ValueError(f'{key} = "{path}" is a device; a batch tracks recordings: give the name of a file or folder')
+    sizes = []
+    for file in files:
+        if os.path.exists(file):
+            about = os.stat(file)
+            sizes.append([os.path.relpath(file, path), about.st_size, about.st_mtime_ns])
+    return hashlib.sha256(json.dumps(sizes).encode()).hexdigest()
+
+
+# --- What is finished ---
+
+
+def _finished(item: _Item) -> dict[str, Any] | None:
+    """Return the record of an item that an earlier run has finished with the same input."""
+    parquet = _needed("pyarrow.parquet", "pyarrow")
+    try:
+        # At the end of the file: a file without its end has none.
+        record: dict[str, Any] = json.loads(parquet.read_schema(item.path).metadata[_METADATA])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return record if record.get("key") == item.key else None
+
+
+def _refuse_others(folder: Path, items: list[_Item]) -> None:
+    """Fail if the folder has results of other items: readers of the folder would take them for results of this batch."""
+    known = {item.path.name for item in items}
+    others = sorted(path.name for path in (folder / "tracks").glob("*.parquet") if path.name not in known)
+    if others:
+        raise ValueError(
+            f"{folder / 'tracks'} has {len(others)} files of items that are not in this batch, such as {others[0]}; "
+            "give another output folder, or remove them"
+        )
+
+
+def _write_items(
+    folder: Path, items: list[_Item], records: Mapping[str, dict[str, Any] | None], failures: Mapping[str, str]
+) -> None:
+    """Write the table of all items."""
+    pyarrow = _needed("pyarrow", "pyarrow")
+    rows = []
+    for item in items:
+        row = {"scene": item.scene, "recording": item.recording, "seed": item.seed}
+        record = records[item.name]
+        if record is not None:
+            warnings = "\n".join(record["warnings"]) or None
+            rows += [{**row, "status": "done", "warnings": warnings, **target} for target in record["targets"]]
+        elif item.name in failures:
+            rows.append({**row, "status": "failed", "error": failures[item.name]})
+        else:
+            rows.append({**row, "status": "open"})
+    kinds = {"text": pyarrow.string(), "whole": pyarrow.int64(), "number": pyarrow.float64()}
+    schema = pyarrow.schema([(name, kinds[kind]) for kind, names in _ITEM_COLUMNS for name in names])
+    _write(pyarrow.Table.from_pylist(rows, schema), folder / "items.parquet", folder)
+
+
+def _write(table: Any, path: Path, folder: Path) -> None:
+    """Write a table so that its file is always whole."""
+    partial = folder / ".partial" / f"{path.name}.{uuid.uuid4()}"
+    for parent in (partial.parent, path.parent):
+        parent.mkdir(parents=True, exist_ok=True)
+    _needed("pyarrow.parquet", "pyarrow").write_table(table, partial, compression="zstd")
+    os.replace(partial, path)
+
+
+# --- Tracking one item, on a worker ---
+
+
+def _track(item: _Item, watch: Callable[[subprocess.Popen[str]], None] | None = None) -> _Outcome:
+    """Track an item, and write its file."""
+    with tempfile.TemporaryDirectory(prefix="pardalis-") as work:
+        scene = os.path.join(work, "scene.toml")
+        try:
+            Path(scene).write_text(item.text, encoding="utf-8")
+            options = [f"--seed={item.seed}", f"--threads={item.commands.threads}", *item.commands.track]
+            # Nothing is kept of an item that is interrupted. Workers of Ray, and so the program there, block SIGINT.
+            run_command = functools.partial(call, watch=watch, stop=signal.SIGTERM)
+            tracked = run_command("track", *options, "--output", work, "--", scene)
+            if tracked.error is not None:
+                raise tracked.error
+            warnings, figures = tracked.warnings, {}
+            if item.truth is not None:
+                evaluated = run_command("evaluate", "--json=-", *item.commands.evaluate, "--", work, item.truth)
+                if evaluated.error is not None:
+                    raise evaluated.error
+                warnings = warnings + evaluated.warnings
+                figures = json.loads(evaluated.printed)
+            summary = json.loads(Path(work, "summary.json").read_text(encoding="utf-8"))
+            record = {
+                "key": item.key,
+                "warnings": [_told(text, scene, item) for text in warnings],
+                "targets": [_row(name, target["rows"], figures) for name, target in summary["targets"].items()],
+            }
+            table = _table(item, os.path.join(work, "tracks.csv"))
+            table = table.replace_schema_metadata({_METADATA: json.dumps(record)})
+            _write(table, item.path, item.folder)
+        except Exception as error:
+            return _Outcome(None, _told(str(error), scene, item), isinstance(error, ValueError))
+        return _Outcome(record)
+
+
+def _told(message: str, scene: str, item: _Item) -> str:
+    """Return a message of the program without the place of the worker's scene and the lines there: nobody sees that file."""
+    name = f'scene "{item.scene}"'
+    message = message.replace(scene, name)
+    if message.startswith(name):
+        message = re.sub(rf"(?m)^(  |{name}: )line \d+: ", r"\1", message)
+        message = re.sub(r" \(line \d+\)", "", message)
+    return message
+
+
+def _row(target: str, states: Mapping[str, int], figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of `items.parquet` for a target."""
+    row: dict[str, Any] = {"target": target, "rows": sum(states.values()), **{state: states[state] for state in _STATES}}
+    for crowd in figures.get("crowds", ()):
+        if crowd["crowd"] == target:
+            return row | {name: crowd[name] for name in ("gospa_m", "switches")}
+    for compared in figures.get("targets", ()):
+        if compared["target"] == target:
+            errors = compared["all"]["errors"]["position_m"]
+            row |= {f"position_{name}_m": errors[name] for name in ("rmse", "median", "max")}
+            row |= {name: compared[name] for name in ("coverage", "lost_frames")}
+    return row
+
+
+def _table(item: _Item, path: str) -> Any:
+    """Read the rows of an item: N rows, three columns more than `tracks.csv`."""
+    pyarrow, csv = _needed("pyarrow", "pyarrow"), _needed("pyarrow.csv", "pyarrow")
+    with open(path, encoding="utf-8") as file:
+        names = file.readline().rstrip().split(",")
+    kinds = {"frame": pyarrow.int64(), **dict.fromkeys(TEXT_COLUMNS, pyarrow.string())}
+    types = {name: kinds.get(name, pyarrow.float64()) for name in names}
+    rows = csv.read_csv(path, csv.ReadOptions(use_threads=False), convert_options=csv.ConvertOptions(column_types=types))
+    for name in ("seed", "recording", "scene"):
+        rows = rows.add_column(0, name, pyarrow.repeat(getattr(item, name), len(rows)))
+    return rows
+
+
+# --- Engines ---
+
+_Future = concurrent.futures.Future[_Outcome]
+_Submit = Callable[[_Item], _Future]
+_Stop = Callable[[Iterable[_Future]], None]
+_Engine = tuple[_Submit, _Stop]
+
+
+def _outcomes(
+    items: Iterable[_Item], submit: _Submit, stop: _Stop, limit: int | None, retries: int
+) -> Generator[tuple[_Item, _Outcome], None, None]:
+    """Track items, `limit` at once, and yield what became of each when it has succeeded or failed for good."""
+    waiting = deque(items)
+    attempts: Counter[str] = Counter()
+    running: set[concurrent.futures.Future[_Outcome]] = set()
+    ended: queue.SimpleQueue[tuple[_Item, concurrent.futures.Future[_Outcome]]] = queue.SimpleQueue()
+    try:
+        while waiting or running:
+            while waiting and (limit is None or len(running) < limit):
+                item = waiting.popleft()
+                future = submit(item)
+                running.add(future)
+                future.add_done_callback(functools.partial(lambda item, future: ended.put((item, future)), item))
+            try:
+                item, future = ended.get(timeout=_WAKE_S)
+            except queue.Empty:
+                # Lets an interrupt in that another thread has received.
+                continue
+            running.discard(future)
+            outcome = _outcome(future)
+            attempts[item.name] += 1
+            if outcome.error is None or outcome.is_final or attempts[item.name] > retries:
+                yield item, outcome
+            else:
+                waiting.append(item)
+    except BaseException:
+        stop(running)
+        concurrent.futures.wait([future for future in running if not future.done()], _STOP_S)
+        raise
+
+
+def _outcome(future: concurrent.futures.Future[_Outcome]) -> _Outcome:
+    try:
+        return future.result()
+    except Exception as error:
+        # Of the engine: a worker or its computer has ended.
+        return _Outcome(None, f"{type(error).__name__}: {error}", is_final=False)
+
+
+def _engine(engine: Any, limit: int | None, threads: int) -> contextlib.AbstractContextManager[_Engine]:
+    """Give the engine's functions that start an item and that stop items."""
+    if engine == "local":
+        return _local(limit)
+    if engine == "ray":
+        return _ray(_needed("ray", "ray"), threads)
+    if engine == "dask" or hasattr(engine, "get_executor"):
+        return _dask(_needed("distributed", "dask[distributed]"), engine)
+    raise ValueError(f'engine is {engine!r}; allowed: "local", "ray", "dask" or a client of Dask')
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def _local(workers: int | None) -> Iterator[_Engine]:
+    # Threads suffice: each item is a process of its own.
+    pool = concurrent.futures.ThreadPoolExecutor(workers)
+    processes: dict[int, subprocess.Popen[str]] = {}
+    is_stopping = threading.Event()
+
+    def watch(process: subprocess.Popen[str]) -> None:
+        processes[threading.get_ident()] = process
+        if is_stopping.is_set():
+            process.terminate()
+
+    def stop(_: Iterable[_Future]) -> None:
+        is_stopping.set()
+        for process in list(processes.values()):
+            process.terminate()
+
+    with pool:
+        yield lambda item: pool.submit(_track, item, watch), stop
+
+
+@contextlib.contextmanager
+def _ray(ray: Any, threads: int) -> Iterator[_Engine]:
+    is_ours = not ray.is_initialized()
+    if is_ours:
+        ray.init()
+    # Retries are counted here, for all engines alike.
+    task = ray.remote(num_cpus=threads, max_retries=0)(_track)
+    references: dict[_Future, Any] = {}
+
+    def submit(item: _Item) -> _Future:
+        reference = task.remote(item)
+        future: _Future = reference.future()
+        references[future] = reference
+        future.add_done_callback(lambda future: references.pop(future, None))
+        return future
+
+    def stop(_: Iterable[_Future]) -> None:
+        for reference in list(references.values()):
+            ray.cancel(reference)
+
+    try:
+        yield submit, stop
+    finally:
+        if is_ours:
+            ray.shutdown()
+
+
+@contextlib.contextmanager
+def _dask(distributed: Any, client: Any) -> Iterator[_Engine]:
+    is_ours = False
+    if client == "dask":
+        try:
+            client = distributed.default_client()
+        except ValueError:
+            client, is_ours = distributed.Client(), True
+    # Not pure: an item that is tried again is tracked again.
+    executor = client.get_executor(pure=False)
+
+    def stop(futures: Iterable[_Future]) -> None:
+        # Dask lets items end that have begun.
+        for future in futures:
+            future.cancel()
+
+    try:
+        yield functools.partial(executor.submit, _track), stop
+    finally:
+        if is_ours:
+            client.close()
+
+
+def _needed(module: str, package: str) -> Any:
+    """Import a package that is only needed here."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise ImportError(f'pardalis.batch needs the package {package}: pip install "{package}"') from error
+
+
+# --- Progress ---
+
+
+class _Progress:
+    """How many items are done, on standard error: one line that changes in a terminal, otherwise a line now and then."""
+
+    def __init__(self, items: int, waiting: int, *, is_on: bool) -> None:
+        self._items, self._waiting, self._ended = items, waiting, 0
+        self._is_on = is_on
+        self._is_terminal = sys.stderr.isatty()
+        self._begin_s = self._shown_s = time.monotonic()
+
+    def show(self, failed: int) -> None:
+        """Count an item that has ended."""
+        self._ended += 1
+        now_s = time.monotonic()
+        if self._is_on and now_s - self._shown_s >= (_TERMINAL_S if self._is_terminal else _LINES_S):
+            self._shown_s = now_s
+            each_s = (now_s - self._begin_s) / self._ended
+            left = timedelta(seconds=round(each_s * (self._waiting - self._ended)))
+            self._print(f"{self._state(self._ended - failed, failed)}, {60 / each_s:.3g} items/min, {left} left")
+
+    def end(self, tracked: int, failed: int, folder: Path) -> None:
+        """Say what became of all items."""
+        if self._is_on:
+            self._print(f"{self._state(tracked, failed)}, {tracked} tracked now: {folder}", end="\n")
+
+    def _state(self, tracked: int, failed: int) -> str:
+        return f"{self._items - self._waiting + tracked} of {self._items} items done, {failed} failed"
+
+    def _print(self, text: str, end: str = "") -> None:
+        if self._is_terminal:
+            # From the start of the line, and nothing left of a longer one.
+            print(f"\r\x1b[K{text}", end=end, file=sys.stderr, flush=True)
+        else:
+            print(text, file=sys.stderr, flush=True)
