@@ -45,6 +45,9 @@ use clap::{Parser, Subcommand};
 
 pub use scene_tracker::tracker_of_scene;
 
+#[cfg(feature = "mcap")]
+pub use mcap::ros2;
+
 /// Tracks coloured objects in 3D from images, videos and cameras.
 #[derive(Parser)]
 #[command(name = "pardalis", version, about, arg_required_else_help = true)]

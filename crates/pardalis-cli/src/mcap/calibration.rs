@@ -81,7 +81,7 @@ fn info_in(message: &Message) -> Option<Result<Info, String>> {
     let damaged = |error: &dyn std::fmt::Display| format!("the message is damaged: {error}");
     Some(match kind_of(&message.channel) {
         ("cdr", "sensor_msgs/msg/CameraInfo" | "sensor_msgs/CameraInfo") => {
-            ros2::read(data).map(Info::of_ros)
+            ros2::read::<ros2::CameraInfo>(data).map(|info| Info::of_ros(&info))
         }
         ("protobuf", "foxglove.CameraCalibration") => {
             let read = CameraCalibration::decode(&data[..]);
@@ -104,7 +104,7 @@ fn info_in(message: &Message) -> Option<Result<Info, String>> {
 }
 
 /// A calibration with the fields of ROS.
-struct Info {
+pub(super) struct Info {
     size_px: [u32; 2],
     distortion_model: String,
     d: Vec<f64>,
@@ -117,12 +117,12 @@ struct Info {
 }
 
 impl Info {
-    fn of_ros(info: ros2::CameraInfo) -> Self {
-        let roi = info.roi;
+    pub(super) fn of_ros(info: &ros2::CameraInfo) -> Self {
+        let roi = &info.roi;
         Self {
             size_px: [info.width, info.height],
-            distortion_model: info.distortion_model,
-            d: info.d,
+            distortion_model: info.distortion_model.clone(),
+            d: info.d.clone(),
             k: info.k.to_vec(),
             r: info.r.to_vec(),
             p: info.p.to_vec(),
@@ -150,7 +150,7 @@ impl Info {
     }
 
     /// Returns the text that ROS prints of the message, which is read like any calibration file.
-    fn text(&self, name: &str) -> String {
+    pub(super) fn text(&self, name: &str) -> String {
         let [width, height] = self.size_px;
         let mut text = format!(
             "camera_name: {name}\nwidth: {width}\nheight: {height}\ndistortion_model: {:?}\n",

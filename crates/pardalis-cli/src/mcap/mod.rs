@@ -2,8 +2,9 @@
 
 mod calibration;
 mod image;
+mod pixels;
 mod reader;
-mod ros2;
+pub mod ros2;
 #[cfg(test)]
 mod tests;
 

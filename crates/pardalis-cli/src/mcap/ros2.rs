@@ -1,4 +1,4 @@
-//! Messages of ROS 2 in the encoding CDR, as `sensor_msgs` defines them.
+//! Messages of ROS 2 in the encoding CDR, as `sensor_msgs` defines them, with the methods that its programs need.
 
 use std::io::{self, Read as _};
 
@@ -6,53 +6,91 @@ use cdr_encoding::from_bytes;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+use super::calibration::Info;
+use super::pixels::{Pixels, compressed, raw};
+
 /// `builtin_interfaces/Time`.
-#[derive(Deserialize)]
-pub(super) struct Time {
-    sec: i32,
-    nanosec: u32,
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub struct Time {
+    /// Seconds since 1970.
+    pub sec: i32,
+    /// Nanoseconds beyond.
+    pub nanosec: u32,
 }
 
 impl Time {
-    /// Seconds; `None` if it was left at zero.
-    pub(super) fn seconds(&self) -> Option<f64> {
+    /// Seconds since 1970; `None` if it was left at zero.
+    pub fn seconds(&self) -> Option<f64> {
         let is_set = self.sec != 0 || self.nanosec != 0;
         is_set.then(|| f64::from(self.sec) + 1e-9 * f64::from(self.nanosec))
     }
 }
 
 /// `std_msgs/Header`.
-#[derive(Deserialize)]
-pub(super) struct Header {
-    pub(super) stamp: Time,
+#[derive(Debug, Deserialize)]
+struct Header {
+    stamp: Time,
     _frame_id: String,
 }
 
 /// `sensor_msgs/Image`.
-#[derive(Deserialize)]
-pub(super) struct Image {
-    pub(super) header: Header,
-    pub(super) height: u32,
-    pub(super) width: u32,
-    pub(super) encoding: String,
+#[derive(Debug, Deserialize)]
+pub struct Image {
+    header: Header,
+    height: u32,
+    width: u32,
+    encoding: String,
     _is_bigendian: u8,
-    pub(super) step: u32,
+    step: u32,
     #[serde(with = "serde_bytes")]
-    pub(super) data: Vec<u8>,
+    data: Vec<u8>,
+}
+
+impl Image {
+    /// Returns when it was taken.
+    pub fn stamp(&self) -> Time {
+        self.header.stamp
+    }
+
+    /// Returns its pixels.
+    ///
+    /// # Errors
+    ///
+    /// It has another encoding than those that are supported, or too few bytes.
+    pub fn pixels(&self) -> Result<Pixels, String> {
+        let size_px = (self.width, self.height);
+        raw(size_px, self.step, &self.encoding, &self.data)
+    }
 }
 
 /// `sensor_msgs/CompressedImage`.
-#[derive(Deserialize)]
-pub(super) struct CompressedImage {
-    pub(super) header: Header,
+#[derive(Debug, Deserialize)]
+pub struct CompressedImage {
+    header: Header,
     _format: String,
     #[serde(with = "serde_bytes")]
-    pub(super) data: Vec<u8>,
+    data: Vec<u8>,
+}
+
+impl CompressedImage {
+    /// Returns when it was taken.
+    pub fn stamp(&self) -> Time {
+        self.header.stamp
+    }
+
+    /// Decodes it.
+    ///
+    /// # Errors
+    ///
+    /// It is no complete JPEG or PNG image.
+    pub fn pixels(&self) -> Result<Pixels, String> {
+        compressed(&self.data)
+    }
 }
 
 /// `sensor_msgs/CameraInfo`.
-#[derive(Deserialize)]
-pub(super) struct CameraInfo {
+#[derive(Debug, Deserialize)]
+pub struct CameraInfo {
     _header: Header,
     pub(super) height: u32,
     pub(super) width: u32,
@@ -66,8 +104,15 @@ pub(super) struct CameraInfo {
     pub(super) roi: RegionOfInterest,
 }
 
+impl CameraInfo {
+    /// Returns the text of a calibration file of ROS, with a camera of this name.
+    pub fn text(&self, name: &str) -> String {
+        Info::of_ros(self).text(name)
+    }
+}
+
 /// `sensor_msgs/RegionOfInterest`.
-#[derive(Deserialize)]
+#[derive(Debug, Deserialize)]
 pub(super) struct RegionOfInterest {
     pub(super) x_offset: u32,
     pub(super) y_offset: u32,

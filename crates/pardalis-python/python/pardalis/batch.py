@@ -46,11 +46,12 @@ Source = str | os.PathLike[str] | Mapping[str, Any]
 _OWN = "own"
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 # Keys of scenes that name files. Images and videos are large, and known by size and time; the others by their contents.
-_RECORDED = ("images", "video")
+_RECORDED = ("images", "video", "mcap")
 _CONTENTS = ("calibration", "colors", "detections", "file", "mask", "odometry", "poses")
-# Keys of a camera that belong to images or to videos alone.
-_ONLY_OF = {"images": ("images", "fps"), "video": ("video", "input", "yuv")}
+# Keys of a camera that belong to images, videos or recordings of robots alone.
+_ONLY_OF = {"images": ("images", "fps"), "video": ("video", "input", "yuv"), "mcap": ("mcap", "topic")}
 _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
+_MCAP_SUFFIX = ".mcap"
 # Part of what an item's results depend on: another number when the same input is to give other files.
 _FORMAT = 1
 _METADATA = b"pardalis"
@@ -310,19 +311,21 @@ def _with_sources(table: dict[str, Any], scene: str, recording: str, sources: Ma
         if name not in cameras:
             raise ValueError(f'recordings: "{recording}" is of the camera "{name}", and scene "{scene}" has only {", ".join(cameras)}')
         if not isinstance(source, Mapping):
-            is_images = os.path.isdir(source) or os.fspath(source).lower().endswith(_IMAGE_SUFFIXES)
-            source = {"images" if is_images else "video": source}
+            name_of_file = os.fspath(source).lower()
+            is_images = os.path.isdir(source) or name_of_file.endswith(_IMAGE_SUFFIXES)
+            source = {"images" if is_images else "mcap" if name_of_file.endswith(_MCAP_SUFFIX) else "video": source}
         camera = cameras[name]
-        for kind, other in (("images", "video"), ("video", "images")):
-            if kind in source and other in camera:
-                camera = {key: value for key, value in camera.items() if key not in _ONLY_OF[other]}
+        if any(kind in source for kind in _ONLY_OF):
+            left_out = {key for kind, keys in _ONLY_OF.items() if kind in camera and kind not in source for key in keys}
+            camera = {key: value for key, value in camera.items() if key not in left_out}
         cameras[name] = camera | _with_files(source, lambda _, path: os.path.abspath(path))
     return {**table, "cameras": cameras}
 
 
 def _stamp(key: str, path: str) -> str:
     """Return a text that changes with what the file or folder of this key holds."""
-    if key not in _RECORDED:
+    # A calibration may be in a recording.
+    if key not in _RECORDED and not path.lower().endswith(_MCAP_SUFFIX):
         # A missing file is an error of its items, in the words of the program.
         return hashlib.sha256(Path(path).read_bytes()).hexdigest() if os.path.isfile(path) else "missing"
     if os.path.isdir(path):

@@ -1,0 +1,312 @@
+"""The node and an independent implementation of DDS, in both directions."""
+
+import csv
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cyclonedds.internal import InvalidSample
+from PIL import Image
+from ros import DATA, Peer, header, message, nanoseconds
+
+PROGRAM = Path(os.environ["PARDALIS_ROS2"])
+RIG = DATA / "webcams-two"
+NAMES = ["cam1", "cam2"]
+START_NS = 1_700_000_000 * 10**9
+STEP_NS = 40_000_000
+# From here on the ball moves.
+FIRST = 60
+
+SCENE = """
+[cameras.cam1]
+calibration = "{rig}/cameras.json"
+[cameras.cam2]
+calibration = "{rig}/cameras.json"
+[targets.ball]
+shape.sphere.radius_m = 0.035
+colors = "{data}/colors/pink-ball.hsi.colors.toml"
+""".format(rig=RIG.as_posix(), data=DATA.as_posix())
+
+IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+
+
+def file_of(camera, number):
+    return RIG / "frames" / camera / f"{number:06}.jpg"
+
+
+def raw(ns, pixels):
+    height, width, _ = pixels.shape
+    data = pixels[..., ::-1].tobytes()
+    return message(IMAGE)(header(ns), height, width, "bgr8", 0, 3 * width, data)
+
+
+def compressed(ns, camera, number):
+    return message(COMPRESSED)(header(ns), "jpeg", file_of(camera, number).read_bytes())
+
+
+def truth_m():
+    with open(RIG / "truth.csv", newline="") as file:
+        rows = {int(row["frame"]): row for row in csv.DictReader(file)}
+    return np.array([[float(rows[n][key]) for key in ("x_m", "y_m", "z_m")] for n in sorted(rows)])
+
+
+@pytest.fixture
+def domain():
+    return random.randrange(10, 200)
+
+
+class Node:
+    """The program, running."""
+
+    def __init__(self, folder, domain, *arguments, scene=SCENE):
+        (folder / "scene.toml").write_text(scene)
+        command = [PROGRAM, folder / "scene.toml", "--domain", str(domain), *arguments]
+        self.log = open(folder / "node.log", "w+")
+        self.process = subprocess.Popen(command, stdout=self.log, stderr=self.log)
+
+    def text(self):
+        self.log.seek(0)
+        return self.log.read()
+
+    def stop(self):
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait(10)
+        return self.text()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+
+def wait_for(condition, seconds=20):
+    until = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < until, "nothing came"
+        time.sleep(0.02)
+
+
+def taken(reader):
+    """The messages that have come; one that has stopped says so without one."""
+    return [sample for sample in reader.take(100) if not isinstance(sample, InvalidSample)]
+
+
+def matched(writers=(), readers=()):
+    return all(writer.get_matched_subscriptions() for writer in writers) and all(reader.get_matched_publications() for reader in readers)
+
+
+def results(peer, target="ball"):
+    return {
+        "pose": peer.subscription(f"/pardalis/{target}/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+        "odometry": peer.subscription(f"/pardalis/{target}/odometry", "nav_msgs/msg/Odometry"),
+        "state": peer.subscription(f"/pardalis/{target}/state", "std_msgs/msg/String"),
+        "detections": peer.subscription("/pardalis/detections", "vision_msgs/msg/Detection3DArray"),
+        "markers": peer.subscription("/pardalis/markers", "visualization_msgs/msg/MarkerArray"),
+    }
+
+
+def test_two_cameras_are_tracked_and_all_results_arrive(tmp_path, domain):
+    peer = Peer(domain)
+    writers = [peer.publisher("/cam1/image_raw", IMAGE), peer.publisher("/stereo/right/compressed", COMPRESSED)]
+    diagnostics = peer.subscription("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+    readers = results(peer)
+    found = {name: [] for name in readers}
+    with Node(tmp_path, domain, "cam2=/stereo/right/compressed", "--frame", "map", "--reliable") as node:
+        wait_for(lambda: matched(writers))
+        # The first images only tell how large they are.
+        while not matched(readers=readers.values()):
+            writers[0].write(raw(1, np.asarray(Image.open(file_of("cam1", 0)))))
+            writers[1].write(compressed(1, "cam2", 0))
+            time.sleep(0.1)
+        for number in range(60):
+            ns = START_NS + number * STEP_NS
+            writers[0].write(raw(ns, np.asarray(Image.open(file_of("cam1", FIRST + number)))))
+            # Of the other camera half a microsecond later.
+            writers[1].write(compressed(ns + 500, "cam2", FIRST + number))
+            time.sleep(0.03)
+            for name, reader in readers.items():
+                found[name] += taken(reader)
+        wait_for(lambda: found["pose"].extend(taken(readers["pose"])) or nanoseconds(found["pose"][-1].header) == ns)
+        status = []
+        wait_for(lambda: status.extend(taken(diagnostics)) or status)
+        log = node.stop()
+    for name, reader in readers.items():
+        found[name] += taken(reader)
+    at = {nanoseconds(pose.header): pose for pose in found["pose"] if pose.header.stamp.sec > 1}
+    assert set(at) == {START_NS + number * STEP_NS for number in range(60)}
+    assert {pose.header.frame_id for pose in found["pose"]} == {"map"}
+    positions_m = np.array([[getattr(pose.pose.pose.position, axis) for axis in "xyz"] for _, pose in sorted(at.items())])
+    truths_m = truth_m()[FIRST - 1 : FIRST + 60]
+    errors_m = np.linalg.norm(positions_m - truths_m[1:], axis=1)
+    assert np.sqrt(np.mean(errors_m**2)) < 0.002
+    covariance = np.reshape(at[START_NS].pose.covariance, (6, 6))
+    assert (np.linalg.eigvalsh(covariance[:3, :3]) > 0).all() and covariance[3, 3] == 1e6
+
+    odometry = {nanoseconds(one.header): one for one in found["odometry"]}
+    assert odometry[ns].child_frame_id == "ball" and odometry[ns].pose.pose == at[ns].pose.pose
+    velocity_mps = [getattr(odometry[ns].twist.twist.linear, axis) for axis in "xyz"]
+    np.testing.assert_allclose(velocity_mps, (truths_m[-1] - truths_m[-2]) / (1e-9 * STEP_NS), atol=0.06)
+    assert np.linalg.norm(velocity_mps) > 0.1
+    assert [state.data for state in found["state"]][-50:] == ["tracking"] * 50
+    last = found["detections"][-1]
+    assert [(one.id, one.results[0].hypothesis.class_id) for one in last.detections] == [("ball", "ball")]
+    assert last.detections[0].results[0].hypothesis.score > 0.9
+    assert last.detections[0].bbox.size.x == pytest.approx(0.07, rel=0.05)
+    markers = found["markers"][-1].markers
+    assert [marker.action for marker in markers] == [3, 0, 0, 0] and markers[-1].text.startswith("ball tracking ")
+    assert markers[1].type == 2 and markers[1].scale.x == last.detections[0].bbox.size.x
+    values = {pair.key: pair.value for pair in status[-1].status[0].values}
+    assert status[-1].status[0].name == "pardalis: cam1" and int(values["received"]) > 0 and values["unusable"] == "0"
+    assert "cam1: " in log and " 0 late, 0 dropped because tracking was too slow" in log
+
+
+def test_the_lens_may_come_from_camera_info(tmp_path, domain):
+    peer = Peer(domain)
+    scene = SCENE.replace("[cameras.cam2]\ncalibration", "[cameras.cam2]\n# calibration").replace(
+        f'[cameras.cam1]\ncalibration = "{RIG.as_posix()}/cameras.json"',
+        "[cameras.cam1]\nworld_from_camera = [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 1], [0, 0, 0, 1]]",
+    )
+    scene = scene.split("[cameras.cam2]")[0] + "[targets.ball]" + scene.split("[targets.ball]")[1]
+    writer = peer.publisher("/cam1/image_raw", IMAGE)
+    infos = peer.publisher("/cam1/camera_info", "sensor_msgs/msg/CameraInfo")
+    poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    region = message("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False)
+    k = [330, 0, 159.5, 0, 330, 119.5, 0, 0, 1]
+    info = message("sensor_msgs/msg/CameraInfo")(
+        header(1), 240, 320, "plumb_bob", [0.0] * 5, [float(v) for v in k], np.eye(3).ravel().tolist(),
+        [330.0, 0, 159.5, 0, 0, 330, 119.5, 0, 0, 0, 1, 0], 0, 0, region,
+    )  # fmt: skip
+    found = []
+    with Node(tmp_path, domain, "--camera-info", "cam1=/cam1/camera_info", scene=scene) as node:
+        number = 0
+        until = time.monotonic() + 20
+        while len(found) < 5 and time.monotonic() < until:
+            infos.write(info)
+            writer.write(raw(START_NS + number * STEP_NS, np.asarray(Image.open(file_of("cam1", number % 60)))))
+            number += 1
+            time.sleep(0.05)
+            found += taken(poses)
+        assert len(found) >= 5, node.text()
+    # Ahead of the camera, at the distance of the ball: 0.46 m from the true camera.
+    position = found[-1].pose.pose.position
+    assert 0.3 < np.linalg.norm([position.x, position.y, position.z - 1]) < 0.7
+
+
+def test_odometry_moves_the_camera(tmp_path, domain):
+    robot = DATA / "dioptric-moving-robot"
+    scene = (robot / "scene.toml").read_text()
+    scene = scene.replace('odometry = "odometry.csv"', "").replace('"camera.json"', f'"{robot.as_posix()}/camera.json"')
+    scene = scene.replace('"../colors', f'"{DATA.as_posix()}/colors')
+    peer = Peer(domain)
+    writer = peer.publisher("/cam1/image_raw/compressed", COMPRESSED)
+    odometry = peer.publisher("/odom", "nav_msgs/msg/Odometry")
+    poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    point, quaternion, pose = (message(f"geometry_msgs/msg/{name}") for name in ("Point", "Quaternion", "Pose"))
+    vector, twist = (message(f"geometry_msgs/msg/{name}") for name in ("Vector3", "Twist"))
+    there = pose(point(5.0, -3.0, 0.0), quaternion(0.0, 0.0, 0.0, 1.0))
+    with_covariance = message("geometry_msgs/msg/PoseWithCovariance")(there, [0.0] * 36)
+    still = twist(vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0))
+    still = message("geometry_msgs/msg/TwistWithCovariance")(still, [0.0] * 36)
+    image = (robot / "frames" / "000000.jpg").read_bytes()
+    found = []
+    with Node(tmp_path, domain, "cam1=/cam1/image_raw/compressed", "--odometry", "robot=/odom", scene=scene) as node:
+        until = time.monotonic() + 20
+        number = 0
+        while len(found) < 5 and time.monotonic() < until:
+            ns = START_NS + number * STEP_NS
+            odometry.write(message("nav_msgs/msg/Odometry")(header(ns, "odom"), "base", with_covariance, still))
+            time.sleep(0.02)
+            writer.write(message(COMPRESSED)(header(ns), "jpeg", image))
+            number += 1
+            time.sleep(0.03)
+            found += taken(poses)
+        assert len(found) >= 5, node.text()
+    # The truth is (2.62, -1.27) from the robot's origin.
+    position = found[-1].pose.pose.position
+    np.testing.assert_allclose([position.x, position.y], [5 + 2.62, -3 - 1.27], atol=0.1)
+
+
+def test_images_that_cannot_be_used_are_counted_and_cost_no_others(tmp_path, domain):
+    scene = SCENE.split("[cameras.cam2]")[0] + "[targets.ball]" + SCENE.split("[targets.ball]")[1]
+    peer = Peer(domain)
+    writer = peer.publisher("/cam1/image_raw", IMAGE)
+    poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    diagnostics = peer.subscription("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+    got, status = [], []
+    with Node(tmp_path, domain, scene=scene) as node:
+        until = time.monotonic() + 20
+        number = 0
+        while time.monotonic() < until and not (len(got) > 40 and status and status[-1].level == b"\1"):
+            pixels = np.asarray(Image.open(file_of("cam1", number % 60)))
+            image = raw(START_NS + number * STEP_NS, pixels if number % 5 else pixels[:100])
+            if number % 5 == 1:
+                image.encoding = "bayer_rggb8"
+            # In the end, the clock is set back.
+            if len(got) > 40:
+                image.header = header(START_NS)
+            writer.write(image)
+            number += 1
+            time.sleep(0.02)
+            got += taken(poses)
+            status += [sample.status[0] for sample in taken(diagnostics)]
+        log = node.stop()
+    values = {pair.key: pair.value for pair in status[-1].values}
+    assert int(values["unusable"]) > 10 and len(got) > 40, (values, log)
+    assert "if a clock was set back, start the node again" in status[-1].message
+    assert log.count("warning: images that are not used: ") == 1
+
+
+PUBLISH = """
+import sys, time
+sys.path.insert(0, {folder!r})
+from test_node import *
+peer = Peer({domain})
+writer = peer.publisher("/cam1/image_raw/compressed", COMPRESSED)
+for number in range(10**6):
+    ns = time.time_ns()
+    writer.write(message(COMPRESSED)(header(ns), "jpeg", file_of("cam1", number % 60).read_bytes()))
+    time.sleep(0.033)
+"""
+
+
+def test_cameras_that_are_killed_and_restarted_are_tracked_again(tmp_path, domain):
+    scene = SCENE.split("[cameras.cam2]")[0] + "[targets.ball]" + SCENE.split("[targets.ball]")[1]
+    peer = Peer(domain)
+    poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    publish = PUBLISH.format(folder=str(Path(__file__).parent), domain=domain)
+    with Node(tmp_path, domain, "cam1=/cam1/image_raw/compressed", scene=scene) as node:
+        for _ in range(int(os.environ.get("RESTARTS", "2"))):
+            publisher = subprocess.Popen([sys.executable, "-c", publish])
+            try:
+                taken(poses)
+                got = []
+                wait_for(lambda: got.extend(taken(poses)) or len(got) >= 10, 30)
+            finally:
+                publisher.kill()
+                publisher.wait()
+            assert node.process.poll() is None, node.text()
+        assert " images received" in node.stop()
+
+
+def test_mistakes_are_named(tmp_path, domain):
+    def error(*arguments, scene=SCENE, domain=domain):
+        (tmp_path / "scene.toml").write_text(scene)
+        command = [PROGRAM, tmp_path / "scene.toml", "--domain", str(domain), *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=20)
+        assert done.returncode == 2, done
+        return done.stderr
+
+    assert "cam3: is no camera of the scene; allowed: cam1, cam2" in error("cam3=/a")
+    assert "allowed: a name of the scene and a topic" in error("cam1")
+    assert "scene.toml: has no cameras" in error(scene="")
+    assert "scene.toml: is no scene" in error(scene="[cameras")
+    assert "the domain is 300; allowed: 0 to 232" in error(domain=300)
