@@ -1,7 +1,6 @@
 //! Calibrations in recordings: `sensor_msgs/CameraInfo` of ROS 2 and Foxglove's `CameraCalibration`.
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 use std::path::Path;
 
 use foxglove::Decode as _;
@@ -12,6 +11,7 @@ use pardalis_camera::formats::Lens;
 use pardalis_scene::calibration;
 use serde_json::{Map, Value};
 
+use super::camera_info::Info;
 use super::reader::{Messages, summary};
 use super::{kind_of, ros2};
 
@@ -81,7 +81,7 @@ fn info_in(message: &Message) -> Option<Result<Info, String>> {
     let damaged = |error: &dyn std::fmt::Display| format!("the message is damaged: {error}");
     Some(match kind_of(&message.channel) {
         ("cdr", "sensor_msgs/msg/CameraInfo" | "sensor_msgs/CameraInfo") => {
-            ros2::read::<ros2::CameraInfo>(data).map(|info| Info::of_ros(&info))
+            ros2::read::<ros2::CameraInfo>(data).map(|info| info.info())
         }
         ("protobuf", "foxglove.CameraCalibration") => {
             let read = CameraCalibration::decode(&data[..]);
@@ -101,83 +101,4 @@ fn info_in(message: &Message) -> Option<Result<Info, String>> {
         }
         _ => return None,
     })
-}
-
-/// A calibration with the fields of ROS.
-pub(super) struct Info {
-    size_px: [u32; 2],
-    distortion_model: String,
-    d: Vec<f64>,
-    k: Vec<f64>,
-    r: Vec<f64>,
-    p: Vec<f64>,
-    binning: [u32; 2],
-    /// `x_offset`, `y_offset`, height and width of the region of interest.
-    region: [u32; 4],
-}
-
-impl Info {
-    pub(super) fn of_ros(info: &ros2::CameraInfo) -> Self {
-        let roi = &info.roi;
-        Self {
-            size_px: [info.width, info.height],
-            distortion_model: info.distortion_model.clone(),
-            d: info.d.clone(),
-            k: info.k.to_vec(),
-            r: info.r.to_vec(),
-            p: info.p.to_vec(),
-            binning: [info.binning_x, info.binning_y],
-            region: [roi.x_offset, roi.y_offset, roi.height, roi.width],
-        }
-    }
-
-    fn of_foxglove(info: CameraCalibration) -> Self {
-        // The same model has another name in ROS.
-        let distortion_model = match &*info.distortion_model {
-            "kannala_brandt" => "equidistant".to_owned(),
-            _ => info.distortion_model,
-        };
-        Self {
-            size_px: [info.width, info.height],
-            distortion_model,
-            d: info.d,
-            k: info.k,
-            r: info.r,
-            p: info.p,
-            binning: [0; 2],
-            region: [0; 4],
-        }
-    }
-
-    /// Returns the text that ROS prints of the message, which is read like any calibration file.
-    pub(super) fn text(&self, name: &str) -> String {
-        let [width, height] = self.size_px;
-        let mut text = format!(
-            "camera_name: {name}\nwidth: {width}\nheight: {height}\ndistortion_model: {:?}\n",
-            // Older recordings name no model of images without distortion.
-            if self.d.is_empty() && self.distortion_model.is_empty() {
-                "plumb_bob"
-            } else {
-                &self.distortion_model
-            },
-        );
-        let d = if self.d.is_empty() {
-            &[0.0; 5][..]
-        } else {
-            &self.d
-        };
-        for (key, values) in [("d", d), ("k", &self.k), ("r", &self.r), ("p", &self.p)] {
-            // Those that are left out are all zero in ROS.
-            if !values.is_empty() {
-                let _ = writeln!(text, "{key}: {values:?}");
-            }
-        }
-        let [binning_x, binning_y] = self.binning;
-        let [x_offset, y_offset, height, width] = self.region;
-        let _ = write!(
-            text,
-            "binning_x: {binning_x}\nbinning_y: {binning_y}\nroi:\n  x_offset: {x_offset}\n  y_offset: {y_offset}\n  height: {height}\n  width: {width}\n"
-        );
-        text
-    }
 }

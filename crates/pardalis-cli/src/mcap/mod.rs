@@ -1,6 +1,7 @@
 //! MCAP recordings of robots: their images and the calibrations of their cameras, in messages of ROS 2 and Foxglove.
 
 mod calibration;
+mod camera_info;
 mod image;
 mod pixels;
 mod reader;

@@ -6,7 +6,7 @@ use cdr_encoding::from_bytes;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::calibration::Info;
+use super::camera_info::Info;
 use super::pixels::{Pixels, compressed, raw};
 
 /// `builtin_interfaces/Time`.
@@ -107,7 +107,21 @@ pub struct CameraInfo {
 impl CameraInfo {
     /// Returns the text of a calibration file of ROS, with a camera of this name.
     pub fn text(&self, name: &str) -> String {
-        Info::of_ros(self).text(name)
+        self.info().text(name)
+    }
+
+    pub(super) fn info(&self) -> Info {
+        let roi = &self.roi;
+        Info {
+            size_px: [self.width, self.height],
+            distortion_model: self.distortion_model.clone(),
+            d: self.d.clone(),
+            k: self.k.to_vec(),
+            r: self.r.to_vec(),
+            p: self.p.to_vec(),
+            binning: [self.binning_x, self.binning_y],
+            region: [roi.x_offset, roi.y_offset, roi.height, roi.width],
+        }
     }
 }
 
