@@ -198,7 +198,7 @@ def test_keys_of_files_are_those_of_scenes():
     found = set(texts(json.loads((DATA.parent / "docs" / "reference" / "scene.schema.json").read_text())))
     known = {*pardalis.batch._RECORDED, *pardalis.batch._CONTENTS}
     # A new key that holds text is a file's name, and belongs into pardalis/batch.py, or it is listed here.
-    assert found - known == {"calibration_camera", "camera", "class", "pixel_format", "platform", "target"}
+    assert found - known == {"calibration_camera", "camera", "class", "pixel_format", "platform", "target", "topic"}
     assert known <= found
 
 

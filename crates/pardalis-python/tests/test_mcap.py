@@ -5,6 +5,7 @@ from pathlib import Path
 
 import jsonschema
 import numpy as np
+import pandas
 import pytest
 import zstandard
 from google.protobuf.json_format import MessageToDict
@@ -323,6 +324,27 @@ def test_init_writes_a_scene_of_a_recording(recording, tracked, tmp_path):
         pardalis.run("init", recording, "--fps", 25, "-o", scene, "--force")
     with pytest.raises(ValueError, match="rig.mcap: is a recording, not a scene; `pardalis init .*rig.mcap` writes a scene of it"):
         pardalis.track(recording, tmp_path / "tracks")
+
+
+def test_batches_take_recordings(recording, tracked, tmp_path):
+    import pardalis.batch
+
+    # Another one; the topics of the scene's cameras stay.
+    other = tmp_path / "other.mcap"
+    other.write_bytes(recording.read_bytes())
+    both = {camera: other for camera in NAMES}
+    batch = pardalis.batch.run(scene_of(recording), tmp_path / "out", recordings={"other": both}, frames=3, progress=False)
+    assert batch.failures == {} and batch.tracked == 1
+    rows = pandas.read_parquet(tmp_path / "out" / "tracks")
+    np.testing.assert_array_equal(rows[["x_m", "y_m", "z_m"]], tracked.positions_m("ball")[:3])
+    # Where the scene has a folder of images, its keys go.
+    scene = scene_of(recording)
+    for camera in NAMES:
+        del scene["cameras"][camera]["mcap"], scene["cameras"][camera]["topic"]
+        scene["cameras"][camera] |= {"images": RIG / "frames" / camera, "fps": FPS}
+    both = {camera: {"mcap": other, "topic": f"/{camera}/image"} for camera in NAMES}
+    batch = pardalis.batch.run(scene, tmp_path / "images", recordings={"other": both}, frames=3, progress=False)
+    assert batch.failures == {} and batch.tracked == 1
 
 
 def test_only_recordings_are_replaced(recording, tmp_path):
