@@ -124,7 +124,7 @@ pub(crate) struct Images {
     has_ended: bool,
     /// The number of images, if the recording states it.
     count: Option<usize>,
-    /// When the first was taken, and when the last message of the recording was recorded, in seconds.
+    /// When the first was taken, and when the recording ends on the same clock, in seconds.
     span_s: Option<(f64, f64)>,
 }
 
@@ -159,23 +159,25 @@ impl Images {
             usize::try_from(count).ok()
         });
         let mut why = None;
-        let first = loop {
+        let ((pixels, first_s), log_time) = loop {
             let Some(message) = images.next_message()? else {
                 let why = why.unwrap_or_else(|| "has no messages".to_owned());
                 return Err(user_error!("{}: {why}", images.name()));
             };
             match read(&message) {
                 Ok(first) => {
+                    let log_time = message.log_time;
                     images.next = Some(message);
-                    break first;
+                    break (first, log_time);
                 }
                 Err(error) => why.get_or_insert(error),
             };
         };
-        (images.size_px, images.format) = (first.0.size_px, first.0.format);
+        (images.size_px, images.format) = (pixels.size_px, pixels.format);
         images.count = count.map(|count| range.count_of(count));
-        images.span_s =
-            statistics.map(|statistics| (first.1, 1e-9 * statistics.message_end_time as f64));
+        // The clock of the recording may be another than that of the images.
+        let rest_s = |end_ns: u64| 1e-9 * end_ns.saturating_sub(log_time) as f64;
+        images.span_s = statistics.map(|s| (first_s, first_s + rest_s(s.message_end_time)));
         // Those before it are broken, and told of when their turn comes.
         if images.number > 1 {
             images.messages = Messages::open(path).map_err(in_file)?;
