@@ -6,6 +6,7 @@ mod arrays;
 mod camera;
 mod color;
 mod estimate;
+mod image;
 mod program;
 mod target;
 mod tracker;
@@ -42,6 +43,8 @@ mod _pardalis {
     use super::color::ColorModel;
     #[pymodule_export]
     use super::estimate::Estimate;
+    #[pymodule_export]
+    use super::image::read_image;
     #[pymodule_export]
     use super::program::{run_program, toml_text};
     #[pymodule_export]

@@ -14,7 +14,7 @@ ROBOT = DATA / "dioptric-moving-robot"
 
 
 def image_of(folder, number):
-    return np.asarray(Image.open(folder / "frames" / f"{number:06}.jpg"))
+    return pardalis.read_image(folder / "frames" / f"{number:06}.jpg")
 
 
 def odometry(count):
@@ -32,28 +32,35 @@ def odometry(count):
 
 
 def test_a_scene_on_a_robot_gives_the_tracks_of_the_program(tmp_path):
-    # Two decoders of JPEG differ in single grey levels, those of PNG do not.
-    (tmp_path / "frames").mkdir()
-    images = [image_of(ROBOT, number) for number in range(30)]
-    for number, image in enumerate(images):
-        Image.fromarray(image).save(tmp_path / "frames" / f"{number:06}.png", compress_level=1)
-    for name in ["scene.toml", "camera.json", "odometry.csv"]:
-        text = (ROBOT / name).read_text()
-        (tmp_path / name).write_text(text.replace("../colors", (DATA / "colors").as_posix()))
-    tracks = pardalis.track(tmp_path / "scene.toml", tmp_path / "tracks", plots=False)
-
-    tracker = Tracker.of_scene(tmp_path / "scene.toml")
+    tracks = pardalis.track(ROBOT / "scene.toml", tmp_path, frames=30, plots=False)
+    tracker = Tracker.of_scene(ROBOT / "scene.toml")
     assert tracker.cameras == ["cam1"] and tracker.targets == ["ball"] and tracker.platforms == ["robot"]
     for increment in odometry(40):
         assert tracker.observe_increment("robot", *increment) == "used"
     estimates = []
-    for number, image in enumerate(images):
-        tracker.observe({"cam1": image}, number / 25)
+    for number in range(30):
+        tracker.observe({"cam1": image_of(ROBOT, number)}, number / 25)
         estimates.append(tracker.estimate("ball"))
     assert [estimate.state for estimate in estimates] == tracks.columns["state"].tolist()
     positions_m = np.array([estimate.position_m for estimate in estimates])
     # tracks.csv has six digits.
     np.testing.assert_allclose(positions_m, tracks.positions_m("ball"), atol=6e-7)
+
+
+def test_images_are_read_as_by_the_program(tmp_path):
+    file = ROBOT / "frames" / "000000.jpg"
+    image = pardalis.read_image(file)
+    assert image.shape == (480, 640, 3) and image.dtype == np.uint8
+    # Another decoder of JPEG differs a little.
+    other = np.asarray(Image.open(file)).astype(int)
+    assert 0 < np.abs(image - other).mean() < 1
+    Image.fromarray(image).save(tmp_path / "image.png")
+    np.testing.assert_array_equal(pardalis.read_image(tmp_path / "image.png"), image)
+    with pytest.raises(OSError, match="nowhere.png"):
+        pardalis.read_image(tmp_path / "nowhere.png")
+    (tmp_path / "cut.jpg").write_bytes(file.read_bytes()[:3000])
+    with pytest.raises(ValueError, match="cut.jpg: the file ends before"):
+        pardalis.read_image(tmp_path / "cut.jpg")
 
 
 def test_a_dictionary_needs_no_inputs(tmp_path):

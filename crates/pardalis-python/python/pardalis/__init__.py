@@ -13,7 +13,7 @@ plots belong to.
 The same images, seed and version give the same numbers.
 """
 
-from ._pardalis import Camera, ColorModel, Estimate, Shape, Target, Tracker, __version__
+from ._pardalis import Camera, ColorModel, Estimate, Shape, Target, Tracker, __version__, read_image
 from ._program import Tracks, evaluate, read_tracks, run, simulate, track
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "Tracks",
     "__version__",
     "evaluate",
+    "read_image",
     "read_tracks",
     "run",
     "simulate",
