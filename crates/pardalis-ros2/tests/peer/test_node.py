@@ -123,7 +123,9 @@ def test_two_cameras_are_tracked_and_all_results_arrive(tmp_path, domain):
     with Node(tmp_path, domain, "cam2=/stereo/right/compressed", "--frame", "map", "--reliable") as node:
         wait_for(lambda: matched(writers))
         # The first images only tell how large they are.
+        until = time.monotonic() + 20
         while not matched(readers=readers.values()):
+            assert time.monotonic() < until, node.text()
             writers[0].write(raw(1, np.asarray(Image.open(file_of("cam1", 0)))))
             writers[1].write(compressed(1, "cam2", 0))
             time.sleep(0.1)
@@ -132,10 +134,10 @@ def test_two_cameras_are_tracked_and_all_results_arrive(tmp_path, domain):
             writers[0].write(raw(ns, np.asarray(Image.open(file_of("cam1", FIRST + number)))))
             # Of the other camera half a microsecond later.
             writers[1].write(compressed(ns + 500, "cam2", FIRST + number))
-            time.sleep(0.03)
-            for name, reader in readers.items():
-                found[name] += taken(reader)
-        wait_for(lambda: found["pose"].extend(taken(readers["pose"])) or nanoseconds(found["pose"][-1].header) == ns)
+            # However slow this computer is, nothing is dropped.
+            wait_for(lambda: found["pose"].extend(taken(readers["pose"])) or ns in {nanoseconds(pose.header) for pose in found["pose"]})
+            for name in ("odometry", "state", "detections", "markers"):
+                found[name] += taken(readers[name])
         status = []
         wait_for(lambda: status.extend(taken(diagnostics)) or status)
         log = node.stop()
@@ -245,7 +247,7 @@ def test_images_that_cannot_be_used_are_counted_and_cost_no_others(tmp_path, dom
     with Node(tmp_path, domain, scene=scene) as node:
         until = time.monotonic() + 20
         number = 0
-        while time.monotonic() < until and not (len(got) > 40 and status and status[-1].level == b"\1"):
+        while time.monotonic() < until and not (len(got) > 40 and status and status[-1].level == 1):
             pixels = np.asarray(Image.open(file_of("cam1", number % 60)))
             image = raw(START_NS + number * STEP_NS, pixels if number % 5 else pixels[:100])
             if number % 5 == 1:
