@@ -249,8 +249,10 @@ def test_images_that_cannot_be_used_are_counted_and_cost_no_others(tmp_path, dom
         number = 0
         while time.monotonic() < until and not (len(got) > 40 and status and status[-1].level == 1):
             pixels = np.asarray(Image.open(file_of("cam1", number % 60)))
-            image = raw(START_NS + number * STEP_NS, pixels if number % 5 else pixels[:100])
-            if number % 5 == 1:
+            # After the first, which says how large all are.
+            kind = number % 5 if got else 2
+            image = raw(START_NS + number * STEP_NS, pixels if kind else pixels[:100])
+            if kind == 1:
                 image.encoding = "bayer_rggb8"
             # In the end, the clock is set back.
             if len(got) > 40:
