@@ -13,6 +13,7 @@ __all__ = [
     "Target",
     "Tracker",
     "__version__",
+    "read_image",
     "run_program",
     "toml_text",
 ]
