@@ -17,6 +17,7 @@ import pandas
 import polars
 import pytest
 import ray
+from PIL import Image
 from pictures import DATA
 from ray.cluster_utils import Cluster
 from test_program import WORLD
@@ -170,7 +171,20 @@ def test_arguments_that_cannot_be_used_are_named(scene, tmp_path, monkeypatch):
     assert error(truths={"a": scene}) == 'truths: there is no "a"; allowed: scene'
     assert "truth.csv" in error(truths={"scene": tmp_path})
     assert error(engine="rai") == "engine is 'rai'; allowed: \"local\", \"ray\", \"dask\" or a client of Dask"
-    assert error(workers=0) == "workers is 0; allowed: 1 or more"
+    assert error(workers=0) == "workers is 0; allowed: a whole number, 1 or more"
+    assert error(frames=0) == "frames is 0; allowed: a whole number, 1 or more"
+    assert error(frames=2.5) == "frames is 2.5; allowed: a whole number, 1 or more"
+    assert error(evaluate_options="--interpolate") == 'evaluate_options is a text; allowed: a list, ["--interpolate"]'
+    assert error(truths="ring") == "truths is 'ring'; allowed: a dictionary by the names of recordings"
+    assert error(recordings={"a": "a.mp4"}) == "recordings: \"a\" is 'a.mp4'; allowed: a dictionary by the names of cameras"
+    camera = {"images": "frames", "calibration": "cameras.toml", "detections": "boxes.csv"}
+    two = {"cameras": {"cam1": camera, "cam2": camera}, "targets": {}}
+    assert error(two, recordings={"a": {"cam1": {"video": "a.mp4", "detections": "a.csv"}}}).startswith(
+        'recordings: "a" has nothing of the cameras cam2 of scene "scene"'
+    )
+    assert error(two, recordings={"a": {"cam1": "a.mp4", "cam2": {}}}).startswith(
+        'recordings: "a" has no detections of the camera "cam1"'
+    )
     assert error(seeds=[1, -1]) == "a seed is -1; allowed: 0 to 4294967295"
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(ImportError, match='needs the package ray: pip install "ray"'):
@@ -274,6 +288,31 @@ def test_invalid_input_fails_once_and_the_others_are_tracked(scene, tmp_path, ca
     bad(scene)
     assert len(pardalis.batch.run(scenes, out, seeds=[1, 2], frames=2).failures) == 2
     assert sorted(path.name for path in (out / "tracks").iterdir()) == ["good.own.1.parquet", "good.own.2.parquet"]
+    # It is not lost, until there is another.
+    assert sorted(path.name for path in (out / "replaced").iterdir()) == ["bad.own.1.parquet", "bad.own.2.parquet"]
+    scenes["bad"].write_text(scene.read_text())
+    assert pardalis.batch.run(scenes, out, seeds=[1, 2], frames=2).failures == {}
+    assert not (out / "replaced").exists()
+
+
+def test_what_was_not_tracked_is_no_miss(scene, tmp_path):
+    pardalis.batch.run(scene, tmp_path / "out", frames=3, truths={"scene": scene.parent})
+    ball = items(tmp_path / "out").loc[("scene", "own", 1)]
+    assert (ball.rows, ball.coverage, ball.lost_frames) == (3, 1, 0)
+
+
+def test_a_crowd_that_is_never_there_is_no_failure(scene, tmp_path):
+    folder = scene.parent
+    size = Image.open(next((folder / "frames").glob("*.png"))).size
+    (tmp_path / "dark").mkdir()
+    Image.new("RGB", size).save(tmp_path / "dark" / "0.png")
+    cameras = {"cam1": {"images": tmp_path / "dark", "fps": 25, "calibration": folder / "cameras.toml"}}
+    ball = {"count": "any", "shape": {"sphere": {"radius_m": 0.1}}, "colors": folder / "ball.colors.toml"}
+    table = {"cameras": cameras, "targets": {"ball": ball}}
+    batch = pardalis.batch.run(table, tmp_path / "out", truths={"scene": folder})
+    assert batch.failures == {}
+    crowd = items(tmp_path / "out").loc[("scene", "own", 1)]
+    assert crowd.status == "done" and np.isnan(crowd.gospa_m)
 
 
 def test_a_process_that_is_killed_is_tried_again(scene, tmp_path, monkeypatch):

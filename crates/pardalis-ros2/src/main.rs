@@ -38,6 +38,8 @@ const DIAGNOSTICS: Duration = Duration::from_secs(1);
 const REMINDER: Duration = Duration::from_secs(5);
 /// The longest wait for messages, after which an interrupt is noticed.
 const POLL: Duration = Duration::from_millis(100);
+/// After an image with a wrong stamp from the future, all others would be too late.
+const MAX_AHEAD_NS: i64 = 10_000_000_000;
 /// Number of images that may wait in a subscription.
 const DEPTH: usize = 5;
 
@@ -227,6 +229,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         tracker,
         output,
         unusable: 0,
+        has_warned_of_clock: false,
         latency_s: 0.0,
     };
     tracking.run(&stop)?;
@@ -397,6 +400,7 @@ struct Tracking {
     output: Output,
     /// The number of images that could not be decoded or tracked.
     unusable: usize,
+    has_warned_of_clock: bool,
     /// From the last image to its estimates, in seconds.
     latency_s: f64,
 }
@@ -440,11 +444,24 @@ impl Tracking {
     /// Takes all messages that have come.
     fn take(&mut self) -> Result<()> {
         let now = clock::instant();
+        let latest_ns = clock::now().nanoseconds() + MAX_AHEAD_NS;
+        let mut ahead = None;
         for (number, camera) in self.cameras.iter().enumerate() {
             while let Some(image) = camera.images.take() {
                 let stamp_ns = image.stamp().nanoseconds();
+                if stamp_ns > latest_ns {
+                    ahead = Some(&*camera.topic);
+                    self.unusable += 1;
+                    continue;
+                }
                 self.sets.take(number, stamp_ns, image, now);
             }
+        }
+        if let (Some(topic), false) = (ahead, self.has_warned_of_clock) {
+            eprintln!(
+                "warning: {topic}: stamps are more than 10 s ahead of the clock of this computer, and such images are not used; set the clocks"
+            );
+            self.has_warned_of_clock = true;
         }
         for (platform, motion) in &self.platforms {
             while let Some(odometry) = next(motion) {

@@ -19,7 +19,6 @@ import operator
 import os
 import queue
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -128,9 +127,14 @@ def run(
     items run at once: by default as many as there are cores, or as the cluster has room for. Each takes `threads` of them; more are of
     use where there are fewer items than cores.
     """
-    for name, value, least in (("workers", workers, 1), ("threads", threads, 1), ("retries", retries, 0)):
-        if value is not None and value < least:
-            raise ValueError(f"{name} is {value}; allowed: {least} or more")
+    for name, value, least in (("workers", workers, 1), ("threads", threads, 1), ("retries", retries, 0), ("frames", frames, 1)):
+        if value is not None and (not isinstance(value, int) or value < least):
+            raise ValueError(f"{name} is {value!r}; allowed: a whole number, {least} or more")
+    for name, given in (("recordings", recordings), ("truths", truths)):
+        if given is not None and not isinstance(given, Mapping):
+            raise ValueError(f'{name} is {given!r}; allowed: a dictionary by the names of recordings')
+    if isinstance(evaluate_options, str):
+        raise ValueError(f'evaluate_options is a text; allowed: a list, ["{evaluate_options}"]')
     _needed("pyarrow", "pyarrow")
     folder = Path(os.path.abspath(output))
     options = ["--no-plots"]
@@ -146,8 +150,10 @@ def run(
     records = {item.name: _finished(item) for item in items}
     waiting = [item for item in items if records[item.name] is None]
     for item in waiting:
-        # Of an earlier scene, or half of it was lost: the folder shall not have it if the item fails.
-        item.path.unlink(missing_ok=True)
+        if item.path.exists():
+            # Of an earlier scene, or half of it was lost: `tracks` shall not have it if the item fails.
+            item.replaced.parent.mkdir(exist_ok=True)
+            os.replace(item.path, item.replaced)
     failures: dict[str, str] = {}
     report = _Progress(len(items), len(waiting), is_on=progress)
     try:
@@ -161,6 +167,8 @@ def run(
                     records[item.name] = outcome.record
                     if outcome.error is not None:
                         failures[item.name] = outcome.error
+                    else:
+                        item.replaced.unlink(missing_ok=True)
                     report.show(len(failures))
     finally:
         for item in waiting:
@@ -169,8 +177,11 @@ def run(
                 records[item.name] = _finished(item)
         tracked = sum(records[item.name] is not None for item in waiting)
         _write_items(folder, items, records, failures)
-        shutil.rmtree(folder / ".partial", ignore_errors=True)
-        report.end(tracked, len(failures), folder)
+        for name in (".partial", "replaced"):
+            with contextlib.suppress(OSError):
+                # Unless another batch writes there, or it has results of items that have failed.
+                (folder / name).rmdir()
+        report.end(tracked, failures, folder)
     # In the order of the items, not in that in which they ended.
     in_order = {item.name: failures[item.name] for item in items if item.name in failures}
     return Batch(folder, len(items), tracked, in_order)
@@ -207,6 +218,11 @@ class _Item:
     @property
     def path(self) -> Path:
         return self.folder / "tracks" / f"{self.name}.parquet"
+
+    @property
+    def replaced(self) -> Path:
+        """Where an earlier result is until there is another."""
+        return self.folder / "replaced" / self.path.name
 
 
 @dataclass(frozen=True)
@@ -307,6 +323,8 @@ def _with_files(table: Mapping[str, Any], change: Callable[[str, str], str]) -> 
 def _with_sources(table: dict[str, Any], scene: str, recording: str, sources: Mapping[str, Source]) -> dict[str, Any]:
     """Return a copy of a scene whose cameras show a recording."""
     cameras = dict(table.get("cameras", {}))
+    if not isinstance(sources, Mapping):
+        raise ValueError(f'recordings: "{recording}" is {sources!r}; allowed: a dictionary by the names of cameras')
     for name, source in sources.items():
         if name not in cameras:
             raise ValueError(f'recordings: "{recording}" is of the camera "{name}", and scene "{scene}" has only {", ".join(cameras)}')
@@ -315,10 +333,15 @@ def _with_sources(table: dict[str, Any], scene: str, recording: str, sources: Ma
             is_images = os.path.isdir(source) or name_of_file.endswith(_IMAGE_SUFFIXES)
             source = {"images" if is_images else "mcap" if name_of_file.endswith(_MCAP_SUFFIX) else "video": source}
         camera = cameras[name]
+        if "detections" in camera and source and "detections" not in source:
+            raise ValueError(f'recordings: "{recording}" has no detections of the camera "{name}"; give {{"video": ..., "detections": ...}}')
         if any(kind in source for kind in _ONLY_OF):
             left_out = {key for kind, keys in _ONLY_OF.items() if kind in camera and kind not in source for key in keys}
             camera = {key: value for key, value in camera.items() if key not in left_out}
         cameras[name] = camera | _with_files(source, lambda _, path: os.path.abspath(path))
+    if missing := [name for name in cameras if sources and name not in sources]:
+        # They would show what the scene names, of another day.
+        raise ValueError(f'recordings: "{recording}" has nothing of the cameras {", ".join(missing)} of scene "{scene}"; give {{}} to leave them')
     return {**table, "cameras": cameras}
 
 
@@ -413,8 +436,15 @@ def _track(item: _Item, watch: Callable[[subprocess.Popen[str]], None] | None = 
             if tracked.error is not None:
                 raise tracked.error
             warnings, figures = tracked.warnings, {}
-            if item.truth is not None:
-                evaluated = run_command("evaluate", "--json=-", *item.commands.evaluate, "--", work, item.truth)
+            table = _table(item, os.path.join(work, "tracks.csv"))
+            # Without rows, as of a crowd that is never there, there is nothing to compare.
+            if item.truth is not None and len(table) > 0:
+                # What was not tracked is no miss.
+                is_part = any(option.startswith("--frames") for option in item.commands.track)
+                has_end = any(option.startswith("--to") for option in item.commands.evaluate)
+                end = [f"--to={max(table['time_s'].to_pylist())}"] if is_part and not has_end else []
+                options = [*end, *item.commands.evaluate]
+                evaluated = run_command("evaluate", "--json=-", *options, "--", work, item.truth)
                 if evaluated.error is not None:
                     raise evaluated.error
                 warnings = warnings + evaluated.warnings
@@ -425,7 +455,6 @@ def _track(item: _Item, watch: Callable[[subprocess.Popen[str]], None] | None = 
                 "warnings": [_told(text, scene, item) for text in warnings],
                 "targets": [_row(name, target["rows"], figures) for name, target in summary["targets"].items()],
             }
-            table = _table(item, os.path.join(work, "tracks.csv"))
             table = table.replace_schema_metadata({_METADATA: json.dumps(record)})
             _write(table, item.path, item.folder)
         except Exception as error:
@@ -436,7 +465,7 @@ def _track(item: _Item, watch: Callable[[subprocess.Popen[str]], None] | None = 
 def _told(message: str, scene: str, item: _Item) -> str:
     """Return a message of the program without the place of the worker's scene and the lines there: nobody sees that file."""
     name = f'scene "{item.scene}"'
-    message = message.replace(scene, name)
+    message = message.replace(scene, name).replace(os.path.dirname(scene) + os.sep, "")
     if message.startswith(name):
         message = re.sub(rf"(?m)^(  |{name}: )line \d+: ", r"\1", message)
         message = re.sub(r" \(line \d+\)", "", message)
@@ -635,10 +664,12 @@ class _Progress:
             left = timedelta(seconds=round(each_s * (self._waiting - self._ended)))
             self._print(f"{self._state(self._ended - failed, failed)}, {60 / each_s:.3g} items/min, {left} left")
 
-    def end(self, tracked: int, failed: int, folder: Path) -> None:
-        """Say what became of all items."""
+    def end(self, tracked: int, failures: Mapping[str, str], folder: Path) -> None:
+        """Say what became of all items, and what one of those that failed says."""
         if self._is_on:
-            self._print(f"{self._state(tracked, failed)}, {tracked} tracked now: {folder}", end="\n")
+            self._print(f"{self._state(tracked, len(failures))}, {tracked} tracked now: {folder}", end="\n")
+            for name, error in list(failures.items())[:1]:
+                print(f"{name} failed: {error}", file=sys.stderr)
 
     def _state(self, tracked: int, failed: int) -> str:
         return f"{self._items - self._waiting + tracked} of {self._items} items done, {failed} failed"

@@ -254,6 +254,9 @@ def test_images_that_cannot_be_used_are_counted_and_cost_no_others(tmp_path, dom
             image = raw(START_NS + number * STEP_NS, pixels if kind else pixels[:100])
             if kind == 1:
                 image.encoding = "bayer_rggb8"
+            if kind == 3:
+                # A day in the future.
+                image.header = header(time.time_ns() + 86_400 * 10**9)
             # In the end, the clock is set back.
             if len(got) > 40:
                 image.header = header(START_NS)
@@ -267,6 +270,7 @@ def test_images_that_cannot_be_used_are_counted_and_cost_no_others(tmp_path, dom
     assert int(values["unusable"]) > 10 and len(got) > 40, (values, log)
     assert "if a clock was set back, start the node again" in status[-1].message
     assert log.count("warning: images that are not used: ") == 1
+    assert log.count("stamps are more than 10 s ahead of the clock of this computer") == 1
 
 
 PUBLISH = """
