@@ -303,7 +303,8 @@ def test_topics_are_named_where_one_is_needed(recording, tmp_path):
     assert "fps: applies to images and video only" in error(fps=25)
     assert "mcap: cannot be combined with images" in error(images="here")
     (tmp_path / "text.mcap").write_text("no recording")
-    assert "text.mcap: " in error(mcap=tmp_path / "text.mcap")
+    assert "text.mcap: is no MCAP recording" in error(mcap=tmp_path / "text.mcap")
+    assert "is a folder; give the .mcap file in it" in error(mcap=tmp_path)
     assert "nowhere.mcap: cannot be read: there is no such file" in error(mcap=tmp_path / "nowhere.mcap")
 
 
@@ -324,6 +325,40 @@ def test_init_writes_a_scene_of_a_recording(recording, tracked, tmp_path):
         pardalis.run("init", recording, "--fps", 25, "-o", scene, "--force")
     with pytest.raises(ValueError, match="rig.mcap: is a recording, not a scene; `pardalis init .*rig.mcap` writes a scene of it"):
         pardalis.track(recording, tmp_path / "tracks")
+
+
+def test_init_leaves_out_what_it_cannot_read_and_keeps_lenses_with_topics(tmp_path):
+    calibration = {
+        "height": 240, "width": 320, "distortion_model": "plumb_bob", "d": [0.0] * 5, "k": [330.0, 0, 159.5, 0, 330, 119.5, 0, 0, 1],
+        "r": np.eye(3).ravel().tolist(), "p": [330.0, 0, 159.5, 0, 0, 330, 119.5, 0, 0, 0, 1, 0], "binning_x": 0, "binning_y": 0,
+        "roi": {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
+    }  # fmt: skip
+    with open(tmp_path / "depth.mcap", "wb") as file:
+        writer = Writer(file)
+        image = writer.register_msgdef("sensor_msgs/msg/Image", IMAGE)
+        info = writer.register_msgdef("sensor_msgs/msg/CameraInfo", CAMERA_INFO)
+        for number in range(2):
+            stamped = {"header": header(number)}
+            depth = {"height": 1, "width": 1, "encoding": "32FC1", "is_bigendian": 0, "step": 4, "data": b"\0" * 4}
+            writer.write_message("/depth/image_raw", image, stamped | depth, log_time=number)
+            for name in ("left", "right"):
+                pixels = raw("bgr8", pixels_of("cam1", number))
+                writer.write_message(f"/{name}/image_rect_color", image, stamped | pixels, log_time=number)
+                writer.write_message(f"/{name}/camera_info", info, stamped | calibration, log_time=number)
+        writer.finish()
+    scene = tmp_path / "scene.toml"
+    with pytest.warns(UserWarning) as warned:
+        pardalis.run("init", tmp_path / "depth.mcap", "--colors", DATA / "colors" / COLORS, "-o", scene)
+    words = [str(warning.message) for warning in warned]
+    assert sum("left out: " in word and '"32FC1"' in word for word in words) == 1
+    assert sum("its images are rectified" in word for word in words) == 2
+    text = scene.read_text()
+    assert "[cameras.depth]" not in text
+    # Another name keeps the lens.
+    scene.write_text(text.replace("cameras.left", "cameras.port"))
+    assert 'calibration_camera = "left"' in text
+    with pytest.warns(UserWarning):
+        assert "cameras.port" in pardalis.run("check", scene)
 
 
 def test_batches_take_recordings(recording, tracked, tmp_path):
@@ -349,8 +384,12 @@ def test_batches_take_recordings(recording, tracked, tmp_path):
 
 def test_only_recordings_are_replaced(recording, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(ValueError, match="--mcap .*notes.txt: exists and holds no recording"):
+    with pytest.raises(ValueError, match="--mcap .*notes.txt: exists and holds no recording of tracks"):
         pardalis.track(scene_of(recording), tmp_path / "tracks", plots=False, frames=2, mcap=tmp_path / "notes.txt")
+    before = recording.read_bytes()
+    with pytest.raises(ValueError, match="--mcap .*rig.mcap: exists and holds no recording of tracks"):
+        pardalis.track(scene_of(recording), tmp_path / "tracks", plots=False, frames=2, mcap=recording)
+    assert recording.read_bytes() == before
     assert (tmp_path / "notes.txt").read_text() == "mine"
     sizes = []
     for frames in (3, 2):

@@ -108,6 +108,11 @@ fn namespace(text: &str) -> Result<String, String> {
         .ok_or_else(|| "allowed: a name that begins with /, such as /pardalis".to_owned())
 }
 
+/// Returns a name of a scene as part of a topic, which has no hyphens.
+fn in_topic(name: &str) -> String {
+    name.replace('-', "_")
+}
+
 fn is_topic(text: &str) -> bool {
     let allowed = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '/';
     text.len() > 1 && text.starts_with('/') && text.chars().all(allowed)
@@ -161,6 +166,13 @@ fn run(arguments: &Arguments) -> Result<()> {
         qos.reliability_best_effort()
     };
 
+    let names = camera_names(arguments)?;
+    for (camera, _) in arguments.topics.iter().chain(&arguments.camera_info) {
+        if !names.contains(camera) {
+            let names = names.join(", ");
+            bail!("{camera}: is no camera of the scene; allowed: {names}");
+        }
+    }
     let mut settings = toml::Table::new();
     if let Some(seed) = arguments.seed {
         settings.insert("seed".to_owned(), toml::Value::Integer(seed.into()));
@@ -171,17 +183,11 @@ fn run(arguments: &Arguments) -> Result<()> {
             return Ok(());
         }
     }
-    let names = camera_names(arguments)?;
-    for (camera, _) in arguments.topics.iter().chain(&arguments.camera_info) {
-        if !names.contains(camera) {
-            let names = names.join(", ");
-            bail!("{camera}: is no camera of the scene; allowed: {names}");
-        }
-    }
     let mut cameras = Vec::new();
     for name in names {
         let given = arguments.topics.iter().find(|(camera, _)| *camera == name);
-        let topic = given.map_or_else(|| format!("/{name}/image_raw"), |(_, topic)| topic.clone());
+        let default = || format!("/{}/image_raw", in_topic(&name));
+        let topic = given.map_or_else(default, |(_, topic)| topic.clone());
         cameras.push(Camera {
             images: Images::subscribe(&mut node, &topic, &qos)?,
             name,
@@ -281,10 +287,10 @@ fn platforms(
 fn node(domain: Option<u16>) -> Result<Node> {
     let domain = match (domain, std::env::var("ROS_DOMAIN_ID")) {
         (Some(domain), _) => domain,
-        (None, Ok(text)) => text
+        (None, Ok(text)) if !text.is_empty() => text
             .parse()
             .map_err(|_| anyhow!("ROS_DOMAIN_ID is {text}; allowed: 0 to 232"))?,
-        (None, Err(_)) => 0,
+        (None, _) => 0,
     };
     if domain > 232 {
         bail!("the domain is {domain}; allowed: 0 to 232");
@@ -427,7 +433,7 @@ impl Tracking {
                 }
                 _ => {}
             }
-            self.take()?;
+            self.take();
             let now = clock::instant();
             while let Some(set) = self.sets.next(now) {
                 self.track(&set, now)?;
@@ -442,7 +448,7 @@ impl Tracking {
     }
 
     /// Takes all messages that have come.
-    fn take(&mut self) -> Result<()> {
+    fn take(&mut self) {
         let now = clock::instant();
         let latest_ns = clock::now().nanoseconds() + MAX_AHEAD_NS;
         let mut ahead = None;
@@ -465,15 +471,13 @@ impl Tracking {
         }
         for (platform, motion) in &self.platforms {
             while let Some(odometry) = next(motion) {
-                match pose_of(&odometry) {
-                    Ok(pose) => {
-                        self.tracker.observe_pose(*platform, &pose)?;
-                    }
-                    Err(error) => eprintln!("warning: odometry left out: {error}"),
+                let observed =
+                    pose_of(&odometry).and_then(|pose| self.tracker.observe_pose(*platform, &pose));
+                if let Err(error) = observed {
+                    eprintln!("warning: odometry left out: {error}");
                 }
             }
         }
-        Ok(())
     }
 
     /// Tracks the images of one instant, and publishes the estimates.

@@ -76,7 +76,8 @@ impl Output {
     ) -> Result<Self> {
         let mut outputs = Vec::new();
         for target in targets {
-            let below = format!("{namespace}/{}", target.name);
+            // Names of topics have no hyphens.
+            let below = format!("{namespace}/{}", target.name.replace('-', "_"));
             let own = if target.crowd.is_some() {
                 None
             } else {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Read as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
@@ -43,10 +43,21 @@ const SHOWN_SIGMAS: f64 = 2.0;
 /// The schema of what is known of a target beside its position.
 const STATE_SCHEMA: &str = r#"{"type":"object","title":"pardalis.State","properties":{"state":{"type":"string"},"confidence":{"type":"number"},"sigma_m":{"type":["number","null"]},"heading_rad":{"type":["number","null"]},"radius_m":{"type":["number","null"]}}}"#;
 
-/// Fails if the file is another one than a recording.
+/// The program that wrote a recording, which is stated at its beginning.
+const LIBRARY: &str = concat!("pardalis ", env!("CARGO_PKG_VERSION"));
+
+/// Fails if the file is another one than a recording of tracks: recordings of robots, among them the inputs, are not replaced.
 pub(super) fn check_path(path: &Path) -> Result<()> {
-    let is_recording = |path: &Path| media_kind(path) == Some("recording");
-    refuse_foreign("--mcap", path, "recording", is_recording)
+    refuse_foreign("--mcap", path, "recording of tracks", is_own)
+}
+
+/// Reports whether this program wrote a recording.
+fn is_own(path: &Path) -> bool {
+    let mut begin = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(256).read_to_end(&mut begin));
+    let is_recording = media_kind(path) == Some("recording");
+    let mut words = begin.windows(b"pardalis ".len());
+    is_recording && read.is_ok() && words.any(|word| word == b"pardalis ")
 }
 
 /// Writes a recording.
@@ -67,7 +78,7 @@ impl Recorder {
     pub(super) fn create(path: &Path, scene: &Scene) -> Result<Self> {
         check_path(path)?;
         let file = File::create(path).map_err(|error| unwritable(path, error))?;
-        let options = WriteOptions::new().library(concat!("pardalis ", env!("CARGO_PKG_VERSION")));
+        let options = WriteOptions::new().library(LIBRARY);
         let writer = options.create(BufWriter::new(file));
         let cameras = scene.cameras.iter().map(|camera| CalibratedCamera {
             name: camera.name.clone(),

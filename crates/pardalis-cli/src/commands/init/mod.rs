@@ -154,6 +154,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
                 let fps = arguments.fps.or(recording.fps);
                 let calibration = Calibration {
                     file: shown_path(&file, output),
+                    camera: None,
                     lens: arguments.lens,
                 };
                 cameras.push(CameraText::known(camera, calibration, &opened, &shown, fps));

@@ -9,6 +9,7 @@ use super::{
     Arguments, Fov, Input, KnownCameras, Model, Opened, check_size, known_cameras, shown_path,
 };
 use crate::mcap;
+use crate::output::warn;
 use crate::source::{Source, SourceConfig, SourceKind};
 use crate::user_error::user_error;
 use pardalis_scene::FrameRange;
@@ -34,8 +35,21 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
         known @ KnownCameras::Calibration { .. } => known,
     };
     let mut cameras: Vec<CameraText> = Vec::new();
+    let mut left_out: Vec<String> = Vec::new();
     for (name, topic) in mcap::image_topics(file).map_err(|message| user_error!("{message}"))? {
-        let opened = open(file, &topic)?;
+        let opened = match open(file, &topic) {
+            Ok(opened) => opened,
+            // Such as a topic of depths.
+            Err(error) => {
+                left_out.push(format!("{error:#}"));
+                continue;
+            }
+        };
+        if topic.contains("/image_rect") {
+            warn(format!(
+                "{topic}: its images are rectified, and recorded calibrations are of the raw ones: give model.pinhole with the values of P, and no distortion"
+            ));
+        }
         let shown = shown_path(file, output);
         let calibrated = match &known {
             KnownCameras::Calibration { cameras, .. } if cameras.len() == 1 => cameras.first(),
@@ -47,6 +61,8 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
                 check_size(file, camera, opened.size)?;
                 let calibration = Calibration {
                     file: shown_path(file, output),
+                    // So that the camera may get another name.
+                    camera: Some(camera.name.clone()),
                     lens: arguments.lens,
                 };
                 CameraText::known(camera, calibration, &opened, &shown, None)
@@ -60,7 +76,14 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
         };
         cameras.push(text.named(name));
     }
-    Ok(cameras)
+    match left_out.first() {
+        Some(error) if cameras.is_empty() => Err(user_error!("{error}")),
+        _ => {
+            let left_out = left_out.iter().map(|error| format!("left out: {error}"));
+            left_out.for_each(warn);
+            Ok(cameras)
+        }
+    }
 }
 
 fn open(file: &Path, topic: &str) -> Result<Opened> {

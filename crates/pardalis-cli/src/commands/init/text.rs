@@ -46,6 +46,8 @@ enum Model {
 /// A calibration file as the scene refers to it.
 pub(super) struct Calibration {
     pub(super) file: String,
+    /// Its name there, if that may differ.
+    pub(super) camera: Option<String>,
     pub(super) lens: Option<Lens>,
 }
 
@@ -164,7 +166,7 @@ impl CameraText {
         } = self;
         let _ = writeln!(text, "[cameras.{name}]\n{input}");
         match model {
-            Model::InFile(Calibration { file, lens }) => {
+            Model::InFile(Calibration { file, camera, lens }) => {
                 let file = toml::Value::String(file.clone());
                 let holds = match guessed_pose {
                     Some(_) => "the lens",
@@ -174,6 +176,9 @@ impl CameraText {
                     text,
                     "calibration = {file}  # {holds}; see `pardalis camera show`"
                 );
+                if let Some(camera) = camera {
+                    let _ = writeln!(text, "calibration_camera = \"{camera}\"");
+                }
                 if let Some(lens) = lens {
                     let _ = writeln!(text, "calibration_lens = \"{}\"", lens.name());
                 }
