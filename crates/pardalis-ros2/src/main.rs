@@ -236,6 +236,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         output,
         unusable: 0,
         has_warned_of_clock: false,
+        has_warned_of_images: false,
         latency_s: 0.0,
     };
     tracking.run(&stop)?;
@@ -407,6 +408,7 @@ struct Tracking {
     /// The number of images that could not be decoded or tracked.
     unusable: usize,
     has_warned_of_clock: bool,
+    has_warned_of_images: bool,
     /// From the last image to its estimates, in seconds.
     latency_s: f64,
 }
@@ -511,8 +513,9 @@ impl Tracking {
 
     /// Counts images that cannot be used, and warns of the first.
     fn refuse(&mut self, count: usize, error: &str) {
-        if self.unusable == 0 {
+        if !self.has_warned_of_images {
             eprintln!("warning: images that are not used: {error}");
+            self.has_warned_of_images = true;
         }
         self.unusable += count;
     }
