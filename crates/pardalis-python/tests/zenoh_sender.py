@@ -50,6 +50,8 @@ class Faulty:
 def config(**endpoints):
     config = zenoh.Config()
     config.insert_json5("scouting/multicast/enabled", "false")
+    # In microseconds. By default Zenoh drops what a busy computer has not sent within 1 ms, and only the injected losses are wanted here.
+    config.insert_json5("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "300000")
     for name in ("listen", "connect"):
         config.insert_json5(f"{name}/endpoints", json.dumps([endpoints[name]] if name in endpoints else []))
     return config
