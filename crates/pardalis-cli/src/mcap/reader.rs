@@ -11,8 +11,6 @@ use mcap::sans_io::linear_reader::LinearReaderOptions;
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader};
 use mcap::{Channel, McapError, Message, Summary};
 
-use crate::source::decode::media_kind;
-
 /// Maximum size of a record in bytes: more than the largest image takes.
 const MAX_RECORD_BYTES: usize = 256 << 20;
 
@@ -24,11 +22,13 @@ impl Messages {
         let options = LinearReaderOptions::default()
             .with_validate_chunk_crcs(true)
             .with_record_length_limit(MAX_RECORD_BYTES);
-        let file = File::open(path).map_err(|error| text_of(&error.into()))?;
+        let mut file = File::open(path).map_err(|error| text_of(&error.into()))?;
         if path.is_dir() {
             return Err("is a folder; give the .mcap file in it".to_owned());
         }
-        if media_kind(path) != Some("recording") {
+        let mut begin = [0; mcap::MAGIC.len()];
+        let is_recording = file.read_exact(&mut begin).is_ok() && begin == mcap::MAGIC;
+        if !is_recording || file.rewind().is_err() {
             return Err("is no MCAP recording; give a file that begins like one".to_owned());
         }
         Ok(Self(MessageReader::new_with_options(file, options)))
