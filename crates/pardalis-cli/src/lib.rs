@@ -43,7 +43,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
-pub use scene_tracker::tracker_of_scene;
+pub use scene_tracker::{scene_without_inputs, tracker_of_scene};
 
 #[cfg(feature = "mcap")]
 pub use mcap::ros2;

@@ -60,7 +60,7 @@ pub(crate) fn read_calibration(
 ) -> Result<Vec<CalibratedCamera>, String> {
     let path = resolve(folder, file);
     if media_kind(&path) == Some("recording") {
-        return mcap::calibrations(&path, lens);
+        return mcap::calibrations(&path, lens).map(|(cameras, _)| cameras);
     }
     let text = read_text(&path).map_err(|error| format!("{error:#}"))?;
     calibration::read(&text, lens).map_err(|error| format!("{}: {error}", path.shown()))

@@ -13,6 +13,40 @@ use crate::user_error::user_error;
 /// The name of a scene that is in no file, in messages.
 const NO_FILE: &str = "the settings";
 
+/// Reads the scene in a file, with some settings replaced, and checks everything in it that needs no images. Its inputs are not opened.
+///
+/// # Errors
+///
+/// What is wrong with the file, or every problem of the scene.
+pub fn scene_without_inputs(file: &Path, settings: &toml::Table) -> Result<Scene> {
+    let scene = parsed(Some(file), settings)?;
+    let files = SceneFiles::of(folder_of(file));
+    let mut assembly = Assembly::default();
+    for camera in &scene.cameras {
+        assembly.add_camera(camera, None, &files);
+    }
+    assembly.add_targets(&scene, true, &files);
+    if assembly.problems.is_empty() {
+        return Ok(scene);
+    }
+    assembly.problems.sort();
+    Err(problems_in("scene", file, &assembly.problems))
+}
+
+/// Reads the scene in a file, with some settings replaced or added, or the scene that these settings are without a file.
+fn parsed(file: Option<&Path>, settings: &toml::Table) -> Result<Scene> {
+    let path = file.unwrap_or(Path::new(NO_FILE));
+    let text = file.map_or(Ok(String::new()), read_scene_text)?;
+    let scene = Scene::parse_without_inputs(&text, settings, &|name, lens| {
+        read_calibration(folder_of(path), name, lens)
+    });
+    scene.map_err(|problems| problems_in("scene", path, &problems))
+}
+
+fn folder_of(file: &Path) -> &Path {
+    file.parent().unwrap_or(Path::new(""))
+}
+
 /// Reads the scene in a file, with some settings replaced or added, or the scene that these settings are without a file, and returns it with its
 /// tracker. Relative paths start at the file's folder, otherwise at the current one.
 ///
@@ -28,12 +62,7 @@ pub fn tracker_of_scene(
     sizes_px: &[(String, (usize, usize))],
 ) -> Result<(Scene, Tracker)> {
     let path = file.unwrap_or(Path::new(NO_FILE));
-    let text = file.map_or(Ok(String::new()), read_scene_text)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let scene = Scene::parse_without_inputs(&text, settings, &|name, lens| {
-        read_calibration(folder, name, lens)
-    });
-    let scene = scene.map_err(|problems| problems_in("scene", path, &problems))?;
+    let scene = parsed(file, settings)?;
     let is_camera = |name: &str| scene.cameras.iter().any(|camera| camera.name == name);
     if let Some((unknown, _)) = sizes_px.iter().find(|(name, _)| !is_camera(name)) {
         let names: Vec<&str> = scene.cameras.iter().map(|camera| &*camera.name).collect();
@@ -42,7 +71,7 @@ pub fn tracker_of_scene(
             names.join(", ")
         ));
     }
-    let files = SceneFiles::of(folder);
+    let files = SceneFiles::of(folder_of(path));
     let mut assembly = Assembly::default();
     for camera in &scene.cameras {
         let given = sizes_px.iter().find(|(name, _)| *name == camera.name);

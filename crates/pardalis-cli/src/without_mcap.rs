@@ -59,6 +59,9 @@ pub(crate) fn image_topics(path: &Path) -> Result<Vec<(String, String)>, String>
     Err(format!("{}: {MISSING}", path.shown()))
 }
 
-pub(crate) fn calibrations(path: &Path, _: Option<Lens>) -> Result<Vec<CalibratedCamera>, String> {
+pub(crate) fn calibrations(
+    path: &Path,
+    _: Option<Lens>,
+) -> Result<(Vec<CalibratedCamera>, Vec<String>), String> {
     Err(format!("{}: {MISSING}", path.shown()))
 }

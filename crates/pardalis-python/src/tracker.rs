@@ -85,7 +85,7 @@ impl Tracker {
             .collect()
     }
 
-    /// Warns of images that could not be used, of which there were `before` so many.
+    /// Warns if more images than `before`, the number for each platform, could not be used.
     fn warn_of_frames_without_pose(
         &self,
         py: Python<'_>,
@@ -100,7 +100,7 @@ impl Tracker {
         {
             if now > *before {
                 let message = format!(
-                    "images of {time_s} s were not used: nothing is known of the platform \"{name}\" at that time; call observe_pose before"
+                    "images of {time_s} s were not used: the pose of the platform \"{name}\" is unknown at that time; call observe_pose first"
                 );
                 warn(py, &message)?;
             }

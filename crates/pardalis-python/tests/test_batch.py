@@ -288,10 +288,11 @@ def test_invalid_input_fails_once_and_the_others_are_tracked(scene, tmp_path, ca
     bad(scene)
     assert len(pardalis.batch.run(scenes, out, seeds=[1, 2], frames=2).failures) == 2
     assert sorted(path.name for path in (out / "tracks").iterdir()) == ["good.own.1.parquet", "good.own.2.parquet"]
-    # It is not lost, until there is another.
+    # It is not lost, and comes back with its input.
     assert sorted(path.name for path in (out / "replaced").iterdir()) == ["bad.own.1.parquet", "bad.own.2.parquet"]
     scenes["bad"].write_text(scene.read_text())
-    assert pardalis.batch.run(scenes, out, seeds=[1, 2], frames=2).failures == {}
+    batch = pardalis.batch.run(scenes, out, seeds=[1, 2], frames=2)
+    assert (batch.tracked, batch.failures) == (0, {}) and len(list((out / "tracks").iterdir())) == 4
     assert not (out / "replaced").exists()
 
 

@@ -303,7 +303,7 @@ def test_topics_are_named_where_one_is_needed(recording, tmp_path):
     assert "fps: applies to images and video only" in error(fps=25)
     assert "mcap: cannot be combined with images" in error(images="here")
     (tmp_path / "text.mcap").write_text("no recording")
-    assert "text.mcap: is no MCAP recording" in error(mcap=tmp_path / "text.mcap")
+    assert "text.mcap: is not an MCAP recording" in error(mcap=tmp_path / "text.mcap")
     assert "is a folder; give the .mcap file in it" in error(mcap=tmp_path)
     assert "nowhere.mcap: cannot be read: there is no such file" in error(mcap=tmp_path / "nowhere.mcap")
 
@@ -341,6 +341,8 @@ def test_init_leaves_out_what_it_cannot_read_and_keeps_lenses_with_topics(tmp_pa
             stamped = {"header": header(number)}
             depth = {"height": 1, "width": 1, "encoding": "32FC1", "is_bigendian": 0, "step": 4, "data": b"\0" * 4}
             writer.write_message("/depth/image_raw", image, stamped | depth, log_time=number)
+            unknown = calibration | {"height": 1, "width": 1, "k": [0.0] * 9}
+            writer.write_message("/depth/camera_info", info, stamped | unknown, log_time=number)
             for name in ("left", "right"):
                 pixels = raw("bgr8", pixels_of("cam1", number))
                 writer.write_message(f"/{name}/image_rect_color", image, stamped | pixels, log_time=number)
@@ -352,6 +354,8 @@ def test_init_leaves_out_what_it_cannot_read_and_keeps_lenses_with_topics(tmp_pa
     words = [str(warning.message) for warning in warned]
     assert sum("left out: " in word and '"32FC1"' in word for word in words) == 1
     assert sum("its images are rectified" in word for word in words) == 2
+    # One that nobody has calibrated costs the others nothing.
+    assert sum("topic /depth/camera_info: " in word and "not calibrated" in word for word in words) == 1
     text = scene.read_text()
     assert "[cameras.depth]" not in text
     # Another name keeps the lens.
@@ -396,3 +400,8 @@ def test_only_recordings_are_replaced(recording, tmp_path):
         pardalis.track(scene_of(recording), tmp_path / "tracks", plots=False, frames=frames, mcap=tmp_path / "tracks.mcap")
         sizes.append((tmp_path / "tracks.mcap").stat().st_size)
     assert sizes[1] < sizes[0]
+    # Not even one of these, if the scene reads it.
+    before = (tmp_path / "tracks.mcap").read_bytes()
+    with pytest.raises(ValueError, match="--mcap .*tracks.mcap: is the input of cameras.cam1; choose another name"):
+        pardalis.track(scene_of(tmp_path / "tracks.mcap"), tmp_path / "again", plots=False, mcap=tmp_path / "tracks.mcap")
+    assert (tmp_path / "tracks.mcap").read_bytes() == before

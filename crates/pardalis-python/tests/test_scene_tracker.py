@@ -105,7 +105,7 @@ def test_poses_move_what_a_camera_sees():
         assert estimate.covariance_m2[2, 2] > 1e-4
     np.testing.assert_allclose(positions_m[1] - positions_m[0], [1, -2, 0.5], atol=1e-6)
     assert tracker.observe_pose("robot", there, 0.04) == "used"
-    with pytest.warns(UserWarning, match='images of 1 s were not used: nothing is known of the platform "robot"'):
+    with pytest.warns(UserWarning, match='images of 1 s were not used: the pose of the platform "robot" is unknown'):
         tracker.observe({"cam1": image_of(ROBOT, 1)}, 1.0)
     far = there + np.array([[0, 0, 0, 100.0]] + [[0] * 4] * 3)
     assert tracker.observe_pose("robot", far, 0.08) == "jump"

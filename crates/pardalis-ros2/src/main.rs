@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result, anyhow, bail};
+use anyhow::{Result, anyhow, bail};
 use clap::Parser;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use pardalis::platform::{PoseCovariance, StampedPose};
@@ -166,13 +166,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         qos.reliability_best_effort()
     };
 
-    let names = camera_names(arguments)?;
-    for (camera, _) in arguments.topics.iter().chain(&arguments.camera_info) {
-        if !names.contains(camera) {
-            let names = names.join(", ");
-            bail!("{camera}: is no camera of the scene; allowed: {names}");
-        }
-    }
+    check_cameras(arguments)?;
     let mut settings = toml::Table::new();
     if let Some(seed) = arguments.seed {
         settings.insert("seed".to_owned(), toml::Value::Integer(seed.into()));
@@ -183,8 +177,20 @@ fn run(arguments: &Arguments) -> Result<()> {
             return Ok(());
         }
     }
+    // All that can be wrong without an image, before the wait for images.
+    let scene = pardalis_cli::scene_without_inputs(&arguments.scene, &settings)?;
+    let has_detector = |target: &&TargetConfig| target.bodies.iter().any(|b| b.class().is_some());
+    if let Some(target) = scene.targets.iter().find(has_detector) {
+        bail!(
+            "targets.{}.detector: boxes of other programs are not taken from topics; give the target colours",
+            target.name
+        );
+    }
+    let platforms = platforms(&mut node, arguments, &scene, &qos)?;
+    // In the order of the scene, which the tracker has, too.
     let mut cameras = Vec::new();
-    for name in names {
+    for camera in &scene.cameras {
+        let name = camera.name.clone();
         let given = arguments.topics.iter().find(|(camera, _)| *camera == name);
         let default = || format!("/{}/image_raw", in_topic(&name));
         let topic = given.map_or_else(default, |(_, topic)| topic.clone());
@@ -203,14 +209,6 @@ fn run(arguments: &Arguments) -> Result<()> {
     for warning in &scene.warnings {
         eprintln!("warning: {}: {warning}", arguments.scene.display());
     }
-    let has_detector = |target: &&TargetConfig| target.bodies.iter().any(|b| b.class().is_some());
-    if let Some(target) = scene.targets.iter().find(has_detector) {
-        bail!(
-            "targets.{}.detector: boxes of other programs are not taken from topics; give the target colours",
-            target.name
-        );
-    }
-    let platforms = platforms(&mut node, arguments, &scene, &qos)?;
     // A subscriber that does not keep up must not delay the others.
     let results = QosProfile::publisher_default()
         .reliability_reliable(WhenFull::Fail)
@@ -304,26 +302,26 @@ fn node(domain: Option<u16>) -> Result<Node> {
     node.map_err(|error| Failure(format!("the node cannot be created: {error}")).into())
 }
 
-/// Returns the names of the cameras in the text of a scene; none if it has problems, which are reported when it is read.
-fn camera_names(arguments: &Arguments) -> Result<Vec<String>> {
-    let scene = &arguments.scene;
-    let text = std::fs::read_to_string(scene)
-        .with_context(|| format!("{}: cannot be read", scene.display()))?;
-    let table: toml::Table = text
-        .parse()
-        .with_context(|| format!("{}: is no scene", scene.display()))?;
-    let cameras = table.get("cameras").and_then(toml::Value::as_table);
-    let names: Vec<String> = cameras
-        .into_iter()
-        .flat_map(|c| c.keys().cloned())
-        .collect();
-    if names.is_empty() {
-        bail!(
-            "{}: has no cameras; give a table [cameras.NAME]",
-            scene.display()
-        );
+/// Fails if the command line names a camera that is not in the scene. Problems of the scene itself are reported when it is read, after the
+/// calibrations that it lacks have come.
+fn check_cameras(arguments: &Arguments) -> Result<()> {
+    let text = std::fs::read_to_string(&arguments.scene).unwrap_or_default();
+    let table: toml::Table = text.parse().unwrap_or_default();
+    let Some(cameras) = table.get("cameras").and_then(toml::Value::as_table) else {
+        // With a scene that cannot be read, there is nothing to wait for.
+        pardalis_cli::scene_without_inputs(&arguments.scene, &toml::Table::new())?;
+        return Ok(());
+    };
+    for (camera, _) in arguments.topics.iter().chain(&arguments.camera_info) {
+        if !cameras.contains_key(camera) {
+            let names: Vec<&str> = cameras.keys().map(String::as_str).collect();
+            bail!(
+                "{camera}: is no camera of the scene; allowed: {}",
+                names.join(", ")
+            );
+        }
     }
-    Ok(names)
+    Ok(())
 }
 
 /// Waits for the calibration of a camera, and adds it to the settings of the scene. Returns whether it came before an interrupt.

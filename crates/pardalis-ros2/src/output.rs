@@ -225,7 +225,7 @@ fn push(
     detections.push(found);
 }
 
-/// Returns what is known of a target; `None` while it is not found.
+/// Returns the detection of a target; `None` while it has no position.
 fn found(
     header: &Header,
     class: &str,

@@ -163,8 +163,17 @@ impl Assembly {
 
     /// Returns the tracker, or else all problems, in the order of lines.
     ///
-    /// Platforms have not moved yet: the caller tells the tracker where they are.
+    /// Platforms have not moved yet: the caller tells the tracker where they are. A camera that was not added, or without a size, is a problem.
     pub fn finish(mut self, scene: &Scene) -> Result<Tracker, Vec<Problem>> {
+        for (number, camera) in scene.cameras.iter().enumerate() {
+            if self.problems.is_empty() && !matches!(self.views.get(number), Some(Some(_))) {
+                let message = format!(
+                    "{} has no images of a known size; add it with one",
+                    camera.name
+                );
+                self.problems.push(camera.input.place().problem(message));
+            }
+        }
         if !self.problems.is_empty() {
             self.problems.sort();
             self.problems.dedup();

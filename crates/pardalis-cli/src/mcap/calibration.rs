@@ -15,10 +15,14 @@ use super::camera_info::Info;
 use super::reader::{Messages, summary};
 use super::{kind_of, ros2};
 
-/// Reads the camera of the first calibration of each topic, with the name of the topic without its last part.
-pub(super) fn read(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>, String> {
+/// Reads the camera of the first calibration of each topic, with the name of the topic without its last part. Also returns what is wrong with
+/// calibrations that cannot be used.
+pub(super) fn read(
+    path: &Path,
+    lens: Option<Lens>,
+) -> Result<(Vec<CalibratedCamera>, Vec<String>), String> {
     let mut topics: Vec<String> = Vec::new();
-    let mut cameras = Vec::new();
+    let (mut cameras, mut problems) = (Vec::new(), Vec::new());
     let expected = summary(path).map(|summary| {
         let channels = summary.channels.values();
         let topics = channels.filter(|channel| is_calibration(channel));
@@ -51,14 +55,18 @@ pub(super) fn read(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCame
             let text = info.text(&name_of(topic));
             calibration::read(&text, lens).map_err(|error| error.to_string())
         });
-        cameras.extend(camera.map_err(|error| format!("topic {topic}: {error}"))?);
+        match camera {
+            Ok(camera) => cameras.extend(camera),
+            // Such as that of a camera which nobody has calibrated.
+            Err(error) => problems.push(format!("topic {topic}: {error}")),
+        }
         topics.push(topic.clone());
     }
     if cameras.is_empty() {
-        return Err(damage.unwrap_or_else(|| "has no topic with calibrations; allowed: sensor_msgs/msg/CameraInfo of ROS 2 (cdr), CameraCalibration of Foxglove (protobuf, json)"
+        return Err(problems.into_iter().next().or(damage).unwrap_or_else(|| "has no topic with calibrations; allowed: sensor_msgs/msg/CameraInfo of ROS 2 (cdr), CameraCalibration of Foxglove (protobuf, json)"
                 .to_owned()));
     }
-    Ok(cameras)
+    Ok((cameras, problems))
 }
 
 /// Returns the name of the camera of a topic: `left` of `/left/camera_info`, and `robot_left` of `/robot/left/camera_info`.

@@ -40,12 +40,15 @@ pub(crate) fn image_topics(path: &Path) -> Result<Vec<(String, String)>, String>
     Ok(cameras)
 }
 
-/// Reads the cameras of the calibrations in a recording, each with the name of its topic, without the last part.
+/// Reads the cameras of the calibrations in a recording, each with the name of its topic, without the last part. Also returns what is wrong with
+/// calibrations that cannot be used, while there are others.
 ///
 /// Errors: messages that name the file.
 pub(crate) fn calibrations(
     path: &Path,
     lens: Option<Lens>,
-) -> Result<Vec<CalibratedCamera>, String> {
-    calibration::read(path, lens).map_err(|message| format!("{}: {message}", path.shown()))
+) -> Result<(Vec<CalibratedCamera>, Vec<String>), String> {
+    let in_file = |message: String| format!("{}: {message}", path.shown());
+    let (cameras, problems) = calibration::read(path, lens).map_err(in_file)?;
+    Ok((cameras, problems.into_iter().map(in_file).collect()))
 }

@@ -29,7 +29,7 @@ impl Messages {
         let mut begin = [0; mcap::MAGIC.len()];
         let is_recording = file.read_exact(&mut begin).is_ok() && begin == mcap::MAGIC;
         if !is_recording || file.rewind().is_err() {
-            return Err("is no MCAP recording; give a file that begins like one".to_owned());
+            return Err("is not an MCAP recording; give an .mcap file".to_owned());
         }
         Ok(Self(MessageReader::new_with_options(file, options)))
     }
@@ -74,7 +74,7 @@ pub(super) fn channels(
     if let Some(summary) = summary.filter(|summary| !summary.channels.is_empty()) {
         summary.channels.values().for_each(add);
     } else {
-        // Where a recording that is cut off ends, is told of when its images have been read.
+        // Damage is reported later, after the images before it have been read.
         let whole = Messages::open(path)?.map_while(Result::ok);
         whole.for_each(|message| add(&message.channel));
     }

@@ -80,7 +80,10 @@ fn read(bytes: &[u8]) -> (usize, Vec<String>) {
     let folder = tempfile::TempDir::new().unwrap();
     let path = folder.path().join("rec.mcap");
     std::fs::write(&path, bytes).unwrap();
-    let mut errors: Vec<String> = calibrations(&path, None).err().into_iter().collect();
+    let mut errors = match calibrations(&path, None) {
+        Ok((_, problems)) => problems,
+        Err(error) => vec![error],
+    };
     let mut count = 0;
     match Images::open(&path, None, FrameRange::ALL) {
         Err(error) => errors.push(format!("{error:#}")),

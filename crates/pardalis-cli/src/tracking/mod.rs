@@ -237,7 +237,7 @@ pub(crate) fn run_steps(
     step: Step,
 ) -> Result<Run> {
     interrupt::listen();
-    make_way(options)?;
+    make_way(options, &open.scene, scene_path)?;
     let mut rows = Rows::create(&options.output, open.scene.targets.clone())?;
     if let Output::Folder(folder) = &options.output {
         remove_old(folder);
@@ -291,7 +291,7 @@ pub(crate) fn run_steps(
     }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
     let mut files = Vec::new();
-    let recorded = recorder.map_or(Ok(()), |mut recorder| recorder.finish());
+    let recorded = recorder.map_or(Ok(()), Recorder::finish);
     let finish = || -> Result<()> {
         let Output::Folder(folder) = &options.output else {
             return Ok(());
@@ -338,7 +338,10 @@ pub(crate) fn run_steps(
 }
 
 /// Makes sure that results replace nothing but those of an earlier run, and keeps its rows if that is asked for.
-fn make_way(options: &Options) -> Result<()> {
+fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
+    if let Some(mcap) = &options.mcap {
+        recorder::check_path(mcap, scene, scene_path)?;
+    }
     let folder = match &options.output {
         Output::Folder(folder) => Some(&**folder),
         Output::Stdout => None,
@@ -348,9 +351,6 @@ fn make_way(options: &Options) -> Result<()> {
     }
     if let Some(particles) = &options.particles {
         particle_rows::check_path(particles, folder, &RESULTS)?;
-    }
-    if let Some(mcap) = &options.mcap {
-        recorder::check_path(mcap)?;
     }
     if options.previous == Previous::Keep {
         if let Some(folder) = folder {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
-use std::io::{BufWriter, Read as _};
+use std::io::{BufWriter, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
@@ -23,7 +23,7 @@ use pardalis::{Estimate, TargetId};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::formats::CameraInfo;
 use pardalis_filter::estimate::StateEstimate;
-use pardalis_scene::{BodyConfig, Scene, TargetConfig};
+use pardalis_scene::{BodyConfig, CameraConfig, Scene, TargetConfig};
 use serde_json::json;
 
 use super::series::Key;
@@ -40,15 +40,29 @@ const WORLD: &str = "world";
 const TRAIL: usize = 50;
 /// Ellipsoids show this many standard deviations.
 const SHOWN_SIGMAS: f64 = 2.0;
-/// The schema of what is known of a target beside its position.
+/// The schema of a target's state: everything but its position.
 const STATE_SCHEMA: &str = r#"{"type":"object","title":"pardalis.State","properties":{"state":{"type":"string"},"confidence":{"type":"number"},"sigma_m":{"type":["number","null"]},"heading_rad":{"type":["number","null"]},"radius_m":{"type":["number","null"]}}}"#;
 
 /// The program that wrote a recording, which is stated at its beginning.
 const LIBRARY: &str = concat!("pardalis ", env!("CARGO_PKG_VERSION"));
 
-/// Fails if the file is another one than a recording of tracks: recordings of robots, among them the inputs, are not replaced.
-pub(super) fn check_path(path: &Path) -> Result<()> {
-    refuse_foreign("--mcap", path, "recording of tracks", is_own)
+/// Fails if the file is another one than a recording of tracks, or an input of the scene: recordings of robots are not replaced.
+pub(super) fn check_path(path: &Path, scene: &Scene, scene_path: &Path) -> Result<()> {
+    refuse_foreign("--mcap", path, "recording of tracks", is_own)?;
+    let folder = scene_path.parent().unwrap_or(Path::new(""));
+    let real = path.canonicalize().ok();
+    let is_input = |camera: &&CameraConfig| {
+        let input = folder.join(&camera.input.place().value);
+        real.is_some() && real == input.canonicalize().ok()
+    };
+    match scene.cameras.iter().find(is_input) {
+        Some(camera) => Err(user_error!(
+            "--mcap {}: is the input of cameras.{}; choose another name",
+            path.shown(),
+            camera.name
+        )),
+        None => Ok(()),
+    }
 }
 
 /// Reports whether this program wrote a recording.
@@ -63,8 +77,7 @@ fn is_own(path: &Path) -> bool {
 /// Writes a recording.
 pub(crate) struct Recorder {
     path: PathBuf,
-    /// `None` once it is finished.
-    writer: Option<Writer<BufWriter<File>>>,
+    writer: Writer<BufWriter<File>>,
     /// The number of each topic.
     channels: BTreeMap<String, u16>,
     cameras: Vec<CalibratedCamera>,
@@ -76,7 +89,6 @@ pub(crate) struct Recorder {
 impl Recorder {
     /// Creates the file, or replaces an earlier recording.
     pub(super) fn create(path: &Path, scene: &Scene) -> Result<Self> {
-        check_path(path)?;
         let file = File::create(path).map_err(|error| unwritable(path, error))?;
         let options = WriteOptions::new().library(LIBRARY);
         let writer = options.create(BufWriter::new(file));
@@ -88,7 +100,7 @@ impl Recorder {
         });
         Ok(Self {
             path: path.to_owned(),
-            writer: Some(writer.map_err(|error| unwritten(path, error))?),
+            writer: writer.map_err(|error| unwritten(path, error))?,
             channels: BTreeMap::new(),
             cameras: cameras.collect(),
             targets: scene.targets.clone(),
@@ -97,13 +109,10 @@ impl Recorder {
     }
 
     /// Writes the end of the recording.
-    pub(super) fn finish(&mut self) -> Result<()> {
-        let Some(mut writer) = self.writer.take() else {
-            return Ok(());
-        };
-        let finished = writer.finish();
+    pub(super) fn finish(mut self) -> Result<()> {
+        let finished = self.writer.finish();
         finished.map_err(|error| unwritten(&self.path, error))?;
-        let flushed = std::io::Write::flush(&mut writer.into_inner());
+        let flushed = self.writer.into_inner().flush();
         flushed.map_err(|error| unwritable(&self.path, error))
     }
 
@@ -132,9 +141,6 @@ impl Recorder {
             channels,
             ..
         } = self;
-        let Some(writer) = writer else {
-            return Ok(());
-        };
         let mut write = || -> Result<(), McapError> {
             let channel_id = if let Some(channel) = channels.get(topic) {
                 *channel
@@ -158,6 +164,10 @@ impl Recorder {
         write().map_err(|error| unwritten(path, error))
     }
 
+    fn time_of(&self, time_s: f64) -> Result<Time> {
+        Time::of(time_s).map_err(|text| user_error!("--mcap {}: {text}", self.path.shown()))
+    }
+
     /// Writes the image of a camera with its calibration, its place and the outlines of the targets.
     fn write_frame(
         &mut self,
@@ -165,7 +175,7 @@ impl Recorder {
         instant: &Instant,
         frame: &pardalis::Frame,
     ) -> Result<()> {
-        let time = Time::of(frame.time_s()).map_err(|text| user_error!("{text}"))?;
+        let time = self.time_of(frame.time_s())?;
         let view = &instant.tracker.views()[camera];
         let name = self.cameras[camera].name.clone();
         let image = CompressedImage {
@@ -238,7 +248,7 @@ impl Recorder {
         Ok(outlines)
     }
 
-    /// Writes what is known of a target.
+    /// Writes a target's state and, if it has a position, its odometry.
     fn write_target(&mut self, time: Time, one: &Tracked) -> Result<()> {
         let name = one.name(&self.targets);
         let estimate = &one.estimate;
@@ -269,7 +279,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Writes what is where in space.
+    /// Writes all targets in 3D.
     fn write_scene(&mut self, time: Time, instant: &Instant) -> Result<()> {
         let is_there = |key: &Key| instant.tracked.iter().any(|one| one.key() == *key);
         self.trails.retain(|key, _| is_there(key));
@@ -311,8 +321,7 @@ impl Recorder {
 
 impl Sink for Recorder {
     fn take(&mut self, instant: &Instant) -> Result<()> {
-        let time = Time::of(instant.time_s)
-            .map_err(|text| user_error!("--mcap {}: {text}", self.path.shown()))?;
+        let time = self.time_of(instant.time_s)?;
         for (camera, frame) in instant.frames {
             self.write_frame(*camera, instant, frame)?;
         }

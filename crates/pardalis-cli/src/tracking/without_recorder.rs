@@ -9,7 +9,7 @@ use super::{Instant, Sink};
 use crate::mcap::MISSING;
 use crate::user_error::user_error;
 
-pub(super) fn check_path(_: &Path) -> Result<()> {
+pub(super) fn check_path(_: &Path, _: &Scene, _: &Path) -> Result<()> {
     Err(user_error!("--mcap: {MISSING}"))
 }
 
@@ -21,8 +21,8 @@ impl Recorder {
         Err(user_error!("--mcap: {MISSING}"))
     }
 
-    pub(super) fn finish(&mut self) -> Result<()> {
-        match *self {}
+    pub(super) fn finish(self) -> Result<()> {
+        match self {}
     }
 }
 

@@ -128,7 +128,8 @@ def run(
     use where there are fewer items than cores.
     """
     for name, value, least in (("workers", workers, 1), ("threads", threads, 1), ("retries", retries, 0), ("frames", frames, 1)):
-        if value is not None and (not isinstance(value, int) or value < least):
+        # Also those of NumPy.
+        if value is not None and (not hasattr(value, "__index__") or value < least):
             raise ValueError(f"{name} is {value!r}; allowed: a whole number, {least} or more")
     for name, given in (("recordings", recordings), ("truths", truths)):
         if given is not None and not isinstance(given, Mapping):
@@ -147,7 +148,13 @@ def run(
     limit = workers or (max(1, _cores() // threads) if engine == "local" else None)
     starting = _engine(engine, limit, threads)
 
-    records = {item.name: _finished(item) for item in items}
+    records = {item.name: _finished(item, item.path) for item in items}
+    for item in items:
+        # An earlier run with other input failed, and this one is as before.
+        if records[item.name] is None and (record := _finished(item, item.replaced)) is not None:
+            item.path.parent.mkdir(exist_ok=True)
+            os.replace(item.replaced, item.path)
+            records[item.name] = record
     waiting = [item for item in items if records[item.name] is None]
     for item in waiting:
         if item.path.exists():
@@ -174,7 +181,7 @@ def run(
         for item in waiting:
             if records[item.name] is None and item.name not in failures:
                 # It may have ended while the run was interrupted.
-                records[item.name] = _finished(item)
+                records[item.name] = _finished(item, item.path)
         tracked = sum(records[item.name] is not None for item in waiting)
         _write_items(folder, items, records, failures)
         for name in (".partial", "replaced"):
@@ -368,12 +375,12 @@ def _stamp(key: str, path: str) -> str:
 # --- What is finished ---
 
 
-def _finished(item: _Item) -> dict[str, Any] | None:
-    """Return the record of an item that an earlier run has finished with the same input."""
+def _finished(item: _Item, path: Path) -> dict[str, Any] | None:
+    """Return the record of an item if the file at this path was made from the same input."""
     parquet = _needed("pyarrow.parquet", "pyarrow")
     try:
         # At the end of the file: a file without its end has none.
-        record: dict[str, Any] = json.loads(parquet.read_schema(item.path).metadata[_METADATA])
+        record: dict[str, Any] = json.loads(parquet.read_schema(path).metadata[_METADATA])
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return record if record.get("key") == item.key else None

@@ -171,6 +171,31 @@ def test_two_cameras_are_tracked_and_all_results_arrive(tmp_path, domain):
     assert "cam1: " in log and " 0 late, 0 dropped because tracking was too slow" in log
 
 
+def test_cameras_keep_their_images_in_any_order_of_the_scene(tmp_path, domain):
+    # That of their names is another.
+    first, rest = SCENE.split("[cameras.cam2]")
+    second, targets = rest.split("[targets.ball]")
+    scene = f"[cameras.cam2]{second}{first}[targets.ball]{targets}"
+    assert scene.index("cam2") < scene.index("cam1")
+    peer = Peer(domain)
+    writers = [peer.publisher(f"/{name}/image_raw/compressed", COMPRESSED) for name in NAMES]
+    poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    topics = [f"{name}=/{name}/image_raw/compressed" for name in NAMES]
+    found = []
+    with Node(tmp_path, domain, *topics, scene=scene) as node:
+        until = time.monotonic() + 20
+        number = 0
+        while len(found) < 5 and time.monotonic() < until:
+            for writer, name in zip(writers, NAMES):
+                writer.write(compressed(START_NS + number * STEP_NS, name, 0))
+            number += 1
+            time.sleep(0.04)
+            found += taken(poses)
+        assert len(found) >= 5, node.text()
+    position = found[-1].pose.pose.position
+    np.testing.assert_allclose([position.x, position.y, position.z], truth_m()[0], atol=0.003)
+
+
 def test_the_lens_may_come_from_camera_info(tmp_path, domain):
     peer = Peer(domain)
     scene = SCENE.replace("[cameras.cam2]\ncalibration", "[cameras.cam2]\n# calibration").replace(
@@ -315,6 +340,13 @@ def test_mistakes_are_named(tmp_path, domain):
 
     assert "cam3: is no camera of the scene; allowed: cam1, cam2" in error("cam3=/a")
     assert "allowed: a name of the scene and a topic" in error("cam1")
-    assert "scene.toml: has no cameras" in error(scene="")
-    assert "scene.toml: is no scene" in error(scene="[cameras")
+    assert "cameras: is missing" in error(scene="")
+    assert "scene.toml: a problem in the scene:\n  line 1: " in error(scene="[cameras")
+    # Before any image comes.
+    wrong = error(scene=SCENE.replace("0.035", "-1"))
+    assert "line 7: targets.ball.shape.sphere.radius_m: is -1" in wrong
+    assert "no.toml: cannot be read: there is no such file" in error(scene=SCENE.replace("pink-ball.hsi.colors.toml", "no.toml"))
+    platform = "[platforms.robot]\n" + SCENE.replace("[targets", 'platform = "robot"\n[targets')
+    assert "platforms.robot: nothing says how it moves; give --odometry robot=/odom" in error(scene=platform)
+    assert "--odometry: rover is no platform of the scene" in error("--odometry", "rover=/odom")
     assert "the domain is 300; allowed: 0 to 232" in error(domain=300)

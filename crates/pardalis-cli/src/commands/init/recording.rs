@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
+use pardalis_scene::FrameRange;
 
 use super::text::{Calibration, CameraText};
 use super::{
@@ -12,7 +13,6 @@ use crate::mcap;
 use crate::output::warn;
 use crate::source::{Source, SourceConfig, SourceKind};
 use crate::user_error::user_error;
-use pardalis_scene::FrameRange;
 
 /// Describes the cameras of a recording.
 pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
@@ -26,11 +26,17 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
     let known = match known_cameras(arguments)? {
         KnownCameras::Model(model, fov) if is_given => KnownCameras::Model(model, fov),
         KnownCameras::Model(..) => match mcap::calibrations(file, None) {
-            Ok(cameras) => KnownCameras::Calibration {
-                file: file.clone(),
-                cameras,
-            },
-            Err(_) => KnownCameras::Model(Model::Pinhole, Fov::Unknown),
+            Ok((cameras, problems)) => {
+                problems.iter().for_each(warn);
+                KnownCameras::Calibration {
+                    file: file.clone(),
+                    cameras,
+                }
+            }
+            Err(error) => {
+                warn(format!("{error}; the scene has a guess"));
+                KnownCameras::Model(Model::Pinhole, Fov::Unknown)
+            }
         },
         known @ KnownCameras::Calibration { .. } => known,
     };

@@ -99,4 +99,12 @@ fn problems_with_files_are_named_with_their_keys() {
     let text = format!("{text}[targets.boxes]\nshape.sphere.radius_m = 0.2\ndetector = {{}}");
     let scene = Scene::parse_without_inputs(&text, &none, &|_, _| Err(String::new())).unwrap();
     assert_eq!(problems_of(&scene, (4, 4)), []);
+    // Cameras after one that is missing would have its place.
+    let mut assembly = Assembly::default();
+    assembly.add_camera(&scene.cameras[0], None, &SmallMasks);
+    assembly.add_targets(&scene, true, &SmallMasks);
+    let problems = assembly.finish(&scene).err().unwrap();
+    let texts: Vec<String> = problems.iter().map(Problem::to_string).collect();
+    let expected = "line 5: cameras.cam: cam has no images of a known size; add it with one";
+    assert_eq!(texts, [expected]);
 }
