@@ -44,11 +44,11 @@ fn same_input(a: &CameraConfig, b: &CameraConfig, folder: &Path) -> Option<Strin
         path.canonicalize().unwrap_or(path)
     };
     let settings = |camera: &CameraConfig| match &camera.input {
-        Input::Images { .. } | Input::Recording { .. } | Input::Given(_) => None,
+        Input::Images { .. } | Input::Mcap { .. } | Input::Given(_) => None,
         Input::Video { video, .. } => Some(video.settings.clone()),
     };
     let topic = |camera: &CameraConfig| match &camera.input {
-        Input::Recording { topic, .. } => topic.clone(),
+        Input::Mcap { topic, .. } => topic.clone(),
         _ => None,
     };
     let is_same = real(a) == real(b) && settings(a) == settings(b) && topic(a) == topic(b);
@@ -81,7 +81,7 @@ fn live_and_recorded((a, source_a): Camera, (b, source_b): Camera) -> Option<Str
 fn other_frame_count((a, source_a): Camera, (b, source_b): Camera) -> Option<String> {
     let fps = |camera: &CameraConfig| match camera.input {
         Input::Images { fps, .. } => fps,
-        Input::Video { .. } | Input::Recording { .. } | Input::Given(_) => None,
+        Input::Video { .. } | Input::Mcap { .. } | Input::Given(_) => None,
     };
     let (fps_a, fps_b) = (fps(a)?, fps(b)?);
     let (count_a, count_b) = (source_a.frame_count()?, source_b.frame_count()?);

@@ -442,7 +442,7 @@ fn open_source(
 /// Returns the source settings of a camera of a scene in this folder.
 fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, Problem> {
     let kind = match &camera.input {
-        Input::Recording { file, topic } => SourceKind::Recording {
+        Input::Mcap { file, topic } => SourceKind::Mcap {
             file: resolve(folder, &file.value),
             topic: topic.clone(),
         },

@@ -136,7 +136,7 @@ pub enum Input {
         encoding: Option<YuvEncoding>,
     },
     /// Images in an MCAP recording.
-    Recording {
+    Mcap {
         /// The recording.
         file: Located<String>,
         /// The topic of the images; `None` for the only one with images.
@@ -154,7 +154,7 @@ impl Input {
     /// Returns the folder, file, address or device, with its position in the scene; no name without an input.
     pub fn place(&self) -> &Located<String> {
         match self {
-            Self::Images { folder: file, .. } | Self::Recording { file, .. } => file,
+            Self::Images { folder: file, .. } | Self::Mcap { file, .. } => file,
             Self::Video { name, .. } | Self::Given(name) => name,
         }
     }
@@ -582,7 +582,7 @@ fn read_input(table: &Table, inputs: Inputs) -> Option<Input> {
         (.., Some(file)) => {
             refuse(&["input", "yuv"], "video");
             refuse(&["fps"], "images and video");
-            Some(Input::Recording { file, topic })
+            Some(Input::Mcap { file, topic })
         }
         // A key with a problem has reported it.
         _ if !given.is_empty() => None,

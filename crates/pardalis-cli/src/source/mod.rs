@@ -6,9 +6,9 @@ mod ffmpeg;
 pub(crate) mod fuzzing;
 mod images;
 mod live;
+mod mcap;
 mod nut;
 mod probed;
-mod recording;
 mod running;
 mod times;
 mod video;
@@ -102,7 +102,7 @@ pub(crate) enum SourceKind {
         encoding: Option<YuvEncoding>,
     },
     /// Images in an MCAP recording.
-    Recording {
+    Mcap {
         /// The recording.
         file: PathBuf,
         /// The topic of the images; `None` for the only one with images.
@@ -214,7 +214,7 @@ impl SourceConfig {
     /// Reports whether frames arrive while they are taken, and whether opening the source twice may fail.
     pub(crate) fn is_live(&self) -> bool {
         match &self.kind {
-            SourceKind::Images { .. } | SourceKind::Recording { .. } => false,
+            SourceKind::Images { .. } | SourceKind::Mcap { .. } => false,
             SourceKind::Video { video, .. } => ffmpeg::is_live(video),
         }
     }
@@ -231,8 +231,8 @@ impl Source {
                 let input = folder.shown();
                 Self::of_images(input, frames, config.time_offset_s)
             }
-            SourceKind::Recording { file, topic } => {
-                let opened = recording::open(file, topic.as_deref(), config.frames);
+            SourceKind::Mcap { file, topic } => {
+                let opened = mcap::open(file, topic.as_deref(), config.frames);
                 let (description, span, frames) = opened?;
                 let offset_s = config.time_offset_s;
                 let mut source = Self::start(description, Clock::Recorded, offset_s, frames)?;

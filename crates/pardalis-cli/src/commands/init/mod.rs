@@ -1,6 +1,6 @@
 //! `pardalis init`: writes a commented scene file as a starting point.
 
-mod recording;
+mod mcap;
 pub(crate) mod sequence;
 mod text;
 
@@ -128,7 +128,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut radius_m = arguments.radius_m;
     match known_cameras(arguments)? {
         _ if media_kind(&arguments.input) == Some("recording") => {
-            cameras = recording::cameras(arguments)?;
+            cameras = mcap::cameras(arguments)?;
         }
         KnownCameras::Calibration {
             file,
@@ -235,7 +235,7 @@ enum Input {
         has_times: bool,
     },
     /// A topic of an MCAP recording.
-    Recording {
+    Mcap {
         topic: String,
     },
 }

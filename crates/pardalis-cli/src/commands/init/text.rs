@@ -243,7 +243,7 @@ fn input_lines(opened: &Opened, path: &str, fps: Option<f64>) -> String {
             );
         }
         (Input::SingleImage, _) => return format!("images = {path}  # or a folder of images"),
-        (Input::Recording { topic }, _) => {
+        (Input::Mcap { topic }, _) => {
             return format!("mcap = {path}\ntopic = {}", quoted(topic));
         }
         (Input::Images { has_times: true }, _) => {

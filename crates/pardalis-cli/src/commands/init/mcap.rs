@@ -94,7 +94,7 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
 
 fn open(file: &Path, topic: &str) -> Result<Opened> {
     let config = SourceConfig {
-        kind: SourceKind::Recording {
+        kind: SourceKind::Mcap {
             file: file.to_owned(),
             topic: Some(topic.to_owned()),
         },
@@ -103,7 +103,7 @@ fn open(file: &Path, topic: &str) -> Result<Opened> {
     };
     Ok(Opened {
         size: Source::open(&config)?.size(),
-        input: Input::Recording {
+        input: Input::Mcap {
             topic: topic.to_owned(),
         },
     })
