@@ -11,7 +11,7 @@ use pardalis_scene::{
     VideoInput, VideoPlace,
 };
 
-use crate::detections::{CameraDetections, Detections};
+use crate::detections::{CameraDetections, Detections, Images};
 use crate::named_files;
 use crate::output::{Shown, warn};
 use crate::platforms::PlatformRows;
@@ -19,6 +19,7 @@ use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
 use crate::scene_files::{SceneFiles, read_calibration, read_text, resolve};
 use crate::source::decode::media_kind;
+use crate::source::images::image_names;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::user_error::{UserError, user_error};
 
@@ -241,8 +242,9 @@ impl Parts {
                     "is of recorded images, and the camera is live; record its video first, or give boxes to the library (FrameSet::with_boxes)"
                 ))
             } else if self.is_complete {
-                let images = (source.size(), source.frame_count());
-                CameraDetections::read(&path, camera, targets, images).map(Some)
+                images_of(source, folder, &camera.input)
+                    .and_then(|images| CameraDetections::read(&path, camera, targets, &images))
+                    .map(Some)
             } else {
                 Ok(None)
             };
@@ -363,6 +365,19 @@ impl Parts {
             tracker,
         })
     }
+}
+
+/// Returns what is known of the images of a camera.
+fn images_of(source: &Source, folder: &Path, input: &Input) -> Result<Images> {
+    let names = match input {
+        Input::Images { folder: images, .. } => Some(image_names(&resolve(folder, &images.value))?),
+        Input::Video { .. } | Input::Mcap { .. } | Input::Given(_) => None,
+    };
+    Ok(Images {
+        size_px: source.size(),
+        count: source.frame_count(),
+        names,
+    })
 }
 
 fn source_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<String> {

@@ -74,7 +74,8 @@ impl BoxedTarget {
         let total: f64 = all.clone().map(|(_, weight)| weight).sum();
         for (i, weight) in all {
             let position_m = [x[i], y[i], z[i]].map(f64::from);
-            let share = weight / total * self.filter.located() * self.detector.detection_probability;
+            let share =
+                weight / total * self.filter.located() * self.detector.detection_probability;
             for (camera, view) in views.iter().enumerate() {
                 let of_camera = |(_, sight): &(usize, &Sight)| sight.camera == camera;
                 let mut of_camera = sights.iter().enumerate().filter(of_camera).peekable();

@@ -48,11 +48,7 @@ impl<'a> LookAlikes<'a> {
     }
 
     /// The sum of the densities of updated and of predicted ones at a detection with this covariance, 1/m³ (1/m² on the ground).
-    pub(super) fn densities(
-        &self,
-        position_m: [f64; 3],
-        covariance_m2: &Matrix3<f64>,
-    ) -> [f64; 2] {
+    pub(super) fn densities(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> [f64; 2] {
         [self.updated, self.predicted].map(|numbers| {
             let density = |other: &DetectedTarget| other.density(position_m, covariance_m2);
             self.targets(numbers).map(density).sum()
