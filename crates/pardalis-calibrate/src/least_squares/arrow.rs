@@ -195,7 +195,7 @@ mod tests {
         let scaled = DMatrix::from_fn(unknowns, unknowns, |i, j| {
             full[(i, j)] * scale[i] * scale[j]
         });
-        let damped = scaled + 0.5 * DMatrix::identity(unknowns, unknowns);
+        let damped: DMatrix<f64> = scaled + 0.5 * DMatrix::identity(unknowns, unknowns);
         let right = DVector::from_fn(unknowns, |i, _| i as f64 - 3.0);
         let factors = arrow.scaled(&scale).damped(0.5).factored().unwrap();
         let wanted = damped.clone().cholesky().unwrap();
