@@ -166,7 +166,7 @@ fn from_common_points(sights: &[RigSight]) -> Option<Pose> {
     }
     let met: Vec<_> = places
         .into_iter()
-        .filter_map(|place| Some((1.0, Vector3::from(place), meeting_point(sights, place)?)))
+        .filter_map(|place| Some((1.0, [Vector3::from(place), meeting_point(sights, place)?])))
         .collect();
     if met.len() < 3 {
         return None;
@@ -302,7 +302,7 @@ pub fn align_to_places(
                 ),
             ));
         }
-        pairs.push((1.0, Vector3::from(place_m), mean));
+        pairs.push((1.0, [Vector3::from(place_m), mean]));
     }
     let widths_m = Spread::of(places.iter().map(|(_, place)| *place)).widths_m;
     let pose = (pairs.len() >= 3 && widths_m[1] > NARROW * widths_m[0])
@@ -314,7 +314,7 @@ pub fn align_to_places(
             "hold the ball at three or more places that are not on a line",
         ));
     };
-    let apart = |(_, wanted, found): &(f64, Vector3<f64>, Vector3<f64>)| {
+    let apart = |(_, [wanted, found]): &(f64, [Vector3<f64>; 2])| {
         ((world_from_rig * Point3::from(*found)).coords - wanted).norm_squared()
     };
     let rms_m = (pairs.iter().map(apart).sum::<f64>() / pairs.len() as f64).sqrt();
@@ -324,12 +324,14 @@ pub fn align_to_places(
             "check that times and places belong together, and that places are those of the ball's centre in metres",
         ));
     }
-    let width_m = |of: fn(&(f64, Vector3<f64>, Vector3<f64>)) -> Vector3<f64>| {
-        let mean = pairs.iter().map(of).sum::<Vector3<f64>>() / pairs.len() as f64;
-        let squares = pairs.iter().map(|pair| (of(pair) - mean).norm_squared());
-        squares.sum::<f64>().sqrt()
+    let width_m = |which: usize| {
+        let of = pairs.iter().map(|(_, pair)| pair[which]);
+        let mean = of.clone().sum::<Vector3<f64>>() / pairs.len() as f64;
+        of.map(|place| (place - mean).norm_squared())
+            .sum::<f64>()
+            .sqrt()
     };
-    let (wanted_m, found_m) = (width_m(|p| p.1), width_m(|p| p.2));
+    let (wanted_m, found_m) = (width_m(0), width_m(1));
     let coordinates = 3.0 * pairs.len() as f64;
     let sigma_m = rms_m * (coordinates / (3.0 * (coordinates - 7.0))).sqrt();
     let (scale, sigma) = (wanted_m / found_m, sigma_m / found_m);
@@ -341,9 +343,8 @@ pub fn align_to_places(
         is_scaled,
     };
     if is_scaled {
-        let grown = pairs
-            .iter()
-            .map(|(weight, wanted, found)| (*weight, *wanted, found * scale));
+        let grown = pairs.iter();
+        let grown = grown.map(|(weight, [wanted, found])| (*weight, [*wanted, found * scale]));
         if let Some(pose) = rigid_motion(&grown.collect::<Vec<_>>()) {
             alignment.world_from_rig = pose;
         }

@@ -67,7 +67,7 @@ impl Rig<'_> {
                     link.support,
                     link.common
                 ),
-                "check the models of the cameras and their time stamps, wave the ball in all directions rather than along a line, and remove other things of its colours",
+                "check the models of the cameras and their time stamps, allow larger offsets (max-offset-s), wave the ball in all directions rather than along a line, and remove other things of its colours",
             ),
             _ => CalibrationError::new(
                 format!(

@@ -170,22 +170,23 @@ fn refined(pairs: &[Pair], start: Pose) -> (f64, Pose) {
 fn aligned<'a>(pairs: impl Iterator<Item = (f64, &'a Pair)>) -> Option<Pose> {
     let weighted = pairs.map(|(weight, pair)| {
         let weight = weight / (pair.tolerance_m * pair.tolerance_m);
-        (weight, pair.first_m, pair.second_m)
+        (weight, [pair.first_m, pair.second_m])
     });
     rigid_motion(&weighted.collect::<Vec<_>>())
 }
 
-/// Returns the rigid motion that takes the second points nearest to the first ones (weight, first, second), in the
+/// Returns the rigid motion that takes the second points nearest to the first ones (weight, first and second), in the
 /// sense of least squares (Kabsch 1976); `None` if the points lie on a line.
-pub(super) fn rigid_motion(points: &[(f64, Vector3<f64>, Vector3<f64>)]) -> Option<Pose> {
-    let total: f64 = points.iter().map(|(weight, ..)| weight).sum();
-    let mean = |of: fn(&(f64, Vector3<f64>, Vector3<f64>)) -> Vector3<f64>| {
-        points.iter().map(|p| of(p) * p.0).sum::<Vector3<f64>>() / total
+pub(super) fn rigid_motion(points: &[(f64, [Vector3<f64>; 2])]) -> Option<Pose> {
+    let total: f64 = points.iter().map(|(weight, _)| weight).sum();
+    let mean = |which: usize| {
+        let weighted = points.iter().map(|(weight, pair)| pair[which] * *weight);
+        weighted.sum::<Vector3<f64>>() / total
     };
-    let (first, second) = (mean(|p| p.1), mean(|p| p.2));
+    let (first, second) = (mean(0), mean(1));
     let products = points
         .iter()
-        .map(|(weight, a, b)| (a - first) * (b - second).transpose() * *weight);
+        .map(|(weight, [a, b])| (a - first) * (b - second).transpose() * *weight);
     let svd = products.sum::<Matrix3<f64>>().svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
     // The singular values are in descending order. Three points always lie in a plane, and a plane suffices.

@@ -353,7 +353,7 @@ fn a_third_of_wrong_detections_and_another_moving_object_are_rejected() {
             });
             let number = (1000.0 * frame.time_s) as usize;
             // Half of the time, and in any order.
-            if let Some(cup) = cup.filter(|_| number % 2 == 0) {
+            if let Some(cup) = cup.filter(|_| number.is_multiple_of(2)) {
                 frame
                     .detections
                     .insert(number % (frame.detections.len() + 1), cup);
