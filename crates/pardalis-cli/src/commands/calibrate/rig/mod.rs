@@ -32,8 +32,9 @@ use report::Report;
 /// all cameras show. The cameras need a model of their lens each, but no pose. All lengths are proportional to the radius of the ball
 /// in the scene. Record half a minute of the ball in all places that two or more cameras share, near and far, up and down.
 ///
-/// The first camera whose pose the scene gives (not as a guess) keeps it. Otherwise known points (--points) or a board (--board) say where the world is;
-/// without them, the frame of the first camera is the world. For boards that all cameras see, there is `calibrate board --rig`.
+/// Known points (--points) or a board (--board) say where the world is. Without them, the first camera whose pose the scene gives (not as a
+/// guess) keeps it; without any pose, the frame of the first camera is the world. For boards that all cameras see at once, there is
+/// `calibrate board --rig`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis calibrate rig scene.toml --corrected corrected.toml
