@@ -7,8 +7,8 @@ use pardalis::Tracker;
 use pardalis::color::ColorModel;
 use pardalis::view::View;
 use pardalis_scene::{
-    Assembly, BodyConfig, CameraConfig, Input, Located, Problem, Scene, StartConfig, VideoFormat,
-    VideoInput, VideoPlace,
+    Assembly, BodyConfig, CameraConfig, Input, Located, Problem, ReadCalibration, Scene,
+    StartConfig, VideoFormat, VideoInput, VideoPlace,
 };
 
 use crate::detections::{CameraDetections, Detections, Images};
@@ -71,12 +71,24 @@ pub(crate) fn read(path: &Path) -> Result<Scene> {
 /// Reads and checks a scene file like [`read`], with some settings replaced: full keys, such as
 /// `targets.ball.filter.particles`, with their values.
 pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
+    checked(path, |text, read_calibration| {
+        Scene::parse_with(text, replaced, read_calibration)
+    })
+}
+
+/// Reads and checks a scene file like [`read`], whose cameras may lack poses.
+pub(crate) fn read_without_poses(path: &Path) -> Result<Scene> {
+    checked(path, Scene::parse_without_poses)
+}
+
+fn checked(
+    path: &Path,
+    parse: impl Fn(&str, ReadCalibration) -> Result<Scene, Vec<Problem>>,
+) -> Result<Scene> {
     let text = read_scene_text(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut scene = Scene::parse_with(&text, replaced, &|file, lens| {
-        read_calibration(folder, file, lens)
-    })
-    .map_err(|problems| problems_in("scene", path, &problems))?;
+    let mut scene = parse(&text, &|file, lens| read_calibration(folder, file, lens))
+        .map_err(|problems| problems_in("scene", path, &problems))?;
     let mut problems = Vec::new();
     for camera in &mut scene.cameras {
         problems.extend(find_rectangle(camera, folder, false, &mut scene.resolved).err());
