@@ -32,7 +32,7 @@ AREA_M = [(2.03, 6.30), (0.0, 3.41)]
 SEEDS = [1, 2, 3]
 # The person of docs/detectors.md.
 PERSON = {"shape": {"cylinder": {"radius_m": 0.25, "height_m": 1.75}}, "count": "any"}
-SETTINGS = {"pardalis": {}, "pardalis, sides 10 %": {"side_sigma": 0.1}}
+SETTINGS = {"pardalis": {}, "pardalis (sides 10 %)": {"side_sigma": 0.1}}
 
 
 def files():
