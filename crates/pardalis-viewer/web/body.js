@@ -2,7 +2,7 @@
 import { BufferAttribute, BufferGeometry, Color, ConeGeometry, DoubleSide, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial, SphereGeometry, Vector3 } from "three";
 import { theme } from "pardalis/colors.js";
 import { principalAxes } from "pardalis/ellipsoid.js";
-import { geometryOf, reachOf } from "pardalis/shapes.js";
+import { geometryOf, reachOf, topOf } from "pardalis/shapes.js";
 import { Trail } from "pardalis/trail.js";
 
 export class Body {
@@ -12,9 +12,10 @@ export class Body {
     this.shape = shape;
     this.trail = new Trail(parent);
     this.reach = reachOf(shape);
+    this.top = topOf(shape);
     this.group = new Group();
     this.solid = new Mesh(geometryOf(shape), new MeshLambertMaterial());
-    this.ellipsoid = new Mesh(new SphereGeometry(1, 32, 20), new MeshBasicMaterial({ transparent: true, opacity: 0.22, depthWrite: false, side: DoubleSide }));
+    this.ellipsoid = new Mesh(new SphereGeometry(1, 32, 20), new MeshBasicMaterial({ transparent: true, opacity: 0.3, depthWrite: false, side: DoubleSide }));
     this.ellipsoid.matrixAutoUpdate = false;
     this.arrow = new Mesh(new ConeGeometry(0.25 * this.reach, 0.8 * this.reach, 20).rotateZ(-Math.PI / 2), new MeshBasicMaterial());
     this.group.add(this.solid, this.arrow);
@@ -52,9 +53,9 @@ export class Body {
     this.solid.material.color = color;
     this.solid.material.emissive = color.clone().multiplyScalar(isSelected ? 0.25 : 0.05);
     this.arrow.visible = Number.isFinite(heading);
-    this.arrow.position.set(1.6 * this.reach, 0, this.shape?.height_m ?? 0);
+    this.arrow.position.set(1.6 * this.reach, 0, this.top);
     this.arrow.material.color = color;
-    this.place.z += this.reach * 1.25;
+    this.place.z += this.top + 0.25 * this.reach;
     this.drop.geometry.attributes.position.array.set([x, y, z, x, y, floor]);
     this.drop.geometry.attributes.position.needsUpdate = true;
     this.drop.material.color = color;

@@ -12,7 +12,7 @@ export class CameraMark {
     this.group = new Group();
     this.way = new Group();
     parent.add(this.group, this.way);
-    const rays = (camera.border_rays ?? []).map((ray) => ray.map((component) => component * length));
+    const rays = bordersOf(camera.border_rays ?? [], length);
     const color = new Color(theme().camera);
     this.group.add(lines(frustumLines(rays, length), color, 0.9));
     if (rays.length > 2) this.group.add(fan(rays, color));
@@ -59,6 +59,15 @@ export class CameraMark {
       }
     }
   }
+}
+
+/** A camera with a view narrower than this, whose rays have at least this z, is drawn with a flat image: as people draw frusta. */
+const FLAT_Z = 0.35;
+
+/** The ends of the rays around an image, in metres in the camera frame. */
+function bordersOf(rays, length) {
+  const isFlat = rays.every((ray) => ray[2] > FLAT_Z);
+  return rays.map((ray) => ray.map((component) => (component * length) / (isFlat ? ray[2] : 1)));
 }
 
 /** The border, four lines to it from the camera, and the body of the camera. */

@@ -1,4 +1,5 @@
 // How large everything is: what the view shows at first.
+import { roundStep } from "pardalis/format.js";
 import { reachOf } from "pardalis/shapes.js";
 
 /** The share of positions at either end of each axis that does not count, because some may be far off. */
@@ -10,7 +11,10 @@ const SAMPLES = 5000;
 /** Cameras farther away than this many sizes of the tracks are not in view at first. */
 const FAR = 5;
 
-/** Returns the box of the floor [[x, x], [y, y]], its height, and centre and radius of a sphere around everything. */
+/** Lines of the floor across its longer side. */
+const LINES = 8;
+
+/** Returns the box of the floor [[x, x], [y, y]] in whole steps of its grid, the step, its height, the box of everything, and centre and radius of a sphere around everything. */
 export function extentOf(scene, tracks) {
   const places = positionsOf(tracks);
   const axes = [0, 1, 2].map((axis) => {
@@ -39,15 +43,17 @@ export function extentOf(scene, tracks) {
   const floor = isOnGround ? Math.min(0, box[2][0]) : box[2][0];
   box[2][0] = Math.min(box[2][0], floor);
   const smallest = 0.25 * tall;
-  const floorBox = [0, 1].map((axis) => {
+  const padded = [0, 1].map((axis) => {
     const [low, high] = box[axis];
     const missing = Math.max(0, smallest - (high - low)) / 2 + 0.04 * tall;
     return [low - missing, high + missing];
   });
+  const step = roundStep(Math.max(...padded.map(([low, high]) => high - low)), LINES);
+  const floorBox = padded.map(([low, high]) => [Math.floor(low / step) * step, Math.ceil(high / step) * step]);
   const all = [...floorBox, box[2]];
   const center = all.map(([low, high]) => 0.5 * (low + high));
   const radius = 0.5 * Math.hypot(...all.map(([low, high]) => high - low));
-  return { box: floorBox, floor, center, radius: Math.max(radius, 1e-3) };
+  return { box: floorBox, step, floor, all, center, radius: Math.max(radius, 1e-3) };
 }
 
 function positionsOf(tracks) {

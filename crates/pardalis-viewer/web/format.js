@@ -19,13 +19,13 @@ export function length(value, units) {
   return number(value, lengthDecimals(units)) + (Number.isFinite(value) ? " " + units : "");
 }
 
-/** Returns twice a standard deviation given as a variance, such as "± 12 mm"; empty without one. */
+/** Returns twice a standard deviation given as a variance, such as "12 mm"; empty without one. */
 export function twoSigma(variance, units) {
   if (!(variance >= 0)) return "";
   const two = 2 * Math.sqrt(variance);
-  if (units === "px") return `± ${number(two, 1)} px`;
-  if (two >= 1) return `± ${number(two, 2)} m`;
-  return `± ${number(1000 * two, two < 0.01 ? 1 : 0)} mm`;
+  if (units === "px") return `${number(two, 1)} px`;
+  if (two >= 1) return `${number(two, 2)} m`;
+  return `${number(1000 * two, two < 0.01 ? 1 : 0)} mm`;
 }
 
 /** Returns a time in seconds. */
@@ -42,5 +42,7 @@ export function roundStep(span, count) {
 
 /** Returns a number in as few digits as a step between numbers needs. */
 export function tick(value, step) {
-  return number(value, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+  let decimals = 0;
+  while (decimals < 9 && Math.abs(step * 10 ** decimals - Math.round(step * 10 ** decimals)) > 1e-6 * step * 10 ** decimals) decimals++;
+  return number(value, decimals);
 }

@@ -1,10 +1,7 @@
 // The floor with a grid in round steps, and the axes.
 import { BufferAttribute, BufferGeometry, Color, Group, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial, PlaneGeometry } from "three";
 import { theme } from "pardalis/colors.js";
-import { roundStep, tick } from "pardalis/format.js";
-
-/** Lines across the shorter side. */
-const LINES = 8;
+import { tick } from "pardalis/format.js";
 
 export class Ground {
   /** `addLabel(text, position, class)` places a text in the scene, and returns a function that removes it. */
@@ -16,20 +13,21 @@ export class Ground {
     parent.add(this.group);
   }
 
-  /** Draws the floor at height `z` below a box [[x, x], [y, y]]. */
-  set([[x0, x1], [y0, y1]], z, units) {
+  /** Draws the floor of an extent. */
+  set({ box: [[x0, x1], [y0, y1]], step, floor: z }, units) {
     this.clear();
-    const step = roundStep(Math.max(x1 - x0, y1 - y0), LINES);
-    const [left, right] = [Math.floor(x0 / step), Math.ceil(x1 / step)];
-    const [near, far] = [Math.floor(y0 / step), Math.ceil(y1 / step)];
+    const [left, right, near, far] = [x0, x1, y0, y1].map((edge) => Math.round(edge / step));
     const lines = [];
     for (let i = left; i <= right; i++) lines.push(i * step, near * step, z, i * step, far * step, z);
     for (let i = near; i <= far; i++) lines.push(left * step, i * step, z, right * step, i * step, z);
     this.#lines(lines, theme().grid);
 
     const floor = new PlaneGeometry((right - left) * step, (far - near) * step);
-    floor.translate(0.5 * (left + right) * step, 0.5 * (near + far) * step, z - 0.002 * step);
-    this.group.add(new Mesh(floor, new MeshBasicMaterial({ color: theme().ground, transparent: true, opacity: 0.85, polygonOffset: true, polygonOffsetFactor: 1 })));
+    floor.translate(0.5 * (left + right) * step, 0.5 * (near + far) * step, z);
+    // It hides nothing, so that what lies on it is drawn whole.
+    const ground = new Mesh(floor, new MeshBasicMaterial({ color: theme().ground, transparent: true, opacity: 0.85, depthWrite: false }));
+    ground.renderOrder = -2;
+    this.group.add(ground);
 
     // Numbers along two sides; those of the last line give way to the name of the axis.
     for (let i = left; i < right; i++) this.#label(tick(i * step, step), [i * step, near * step - 0.25 * step, z]);
@@ -55,7 +53,9 @@ export class Ground {
   #lines(coordinates, color) {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(Float32Array.from(coordinates), 3));
-    this.group.add(new LineSegments(geometry, new LineBasicMaterial({ color: new Color(color) })));
+    const lines = new LineSegments(geometry, new LineBasicMaterial({ color: new Color(color), transparent: true, depthWrite: false }));
+    lines.renderOrder = -1;
+    this.group.add(lines);
   }
 
   clear() {

@@ -29,7 +29,12 @@ export function geometryOf(shape = UNKNOWN) {
   }
 }
 
-/** Returns half the size of a shape, in metres. */
+/** Returns the height of the top of a shape above its position, in metres. */
+export function topOf(shape = UNKNOWN) {
+  return shape.height_m ?? shape.size_m?.[2] ?? reachOf(shape);
+}
+
+/** Returns half the width of a shape, in metres. */
 export function reachOf(shape = UNKNOWN) {
   return shape.radius_m ?? 0.5 * Math.max(...(shape.size_m ?? [shape.across_flats_m]));
 }

@@ -12,6 +12,9 @@ export const VIEWS = { perspective: [0.62, -1, 0.62], above: [0, -1e-4, 1], side
 
 const FIELD_OF_VIEW_DEG = 38;
 
+/** The share of width and height that the scene fills when all of it is in view. */
+const FILLED = 0.86;
+
 /** Returns a 3D view in an element; null if the browser has no WebGL. */
 export function createStage(host) {
   const canvas = element("canvas", { class: "pv-canvas", "aria-label": "3D view of the tracks", role: "img" });
@@ -91,18 +94,41 @@ class Stage {
   }
 
   fit() {
-    const { center, radius } = this.extent ?? { center: [0, 0, 0], radius: 1 };
+    if (!this.extent) return;
     const away = new Vector3(...VIEWS[this.view]).normalize();
-    const angle = (0.5 * FIELD_OF_VIEW_DEG * Math.PI) / 180;
-    const distance = (1.02 * radius) / Math.sin(Math.min(angle, Math.atan(Math.tan(angle) * this.camera.aspect)));
-    this.controls.target.set(...center);
-    this.camera.position.copy(away.multiplyScalar(distance).add(this.controls.target));
+    const { center, distance } = this.#frame(away);
+    this.controls.target.copy(center);
+    this.camera.position.copy(away.multiplyScalar(distance).add(center));
     this.camera.near = distance / 200;
     this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
     this.controls.update();
     this.fittedFrom = this.camera.position.clone();
     this.draw();
+  }
+
+  /** Returns the point to look at and how far away from it the whole box is in view. */
+  #frame(away) {
+    const right = new Vector3(0, 0, 1).cross(away).normalize();
+    const up = away.clone().cross(right);
+    const middle = new Vector3(...this.extent.center);
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) => {
+      const place = this.extent.all.map((range, axis) => range[(corner >> axis) & 1]);
+      return new Vector3(...place).sub(middle);
+    });
+    const half = Math.tan((0.5 * FIELD_OF_VIEW_DEG * Math.PI) / 180) * FILLED;
+    const center = middle.clone();
+    let distance = 0;
+    // Near corners look larger: the middle of what is seen is not that of the box.
+    for (let round = 0; round < 4; round++) {
+      const seen = corners.map((corner) => corner.clone().add(middle).sub(center));
+      distance = Math.max(...seen.map((corner) => corner.dot(away) + Math.max(Math.abs(corner.dot(up)), Math.abs(corner.dot(right)) / this.camera.aspect) / half));
+      for (const axis of [up, right]) {
+        const slopes = seen.map((corner) => corner.dot(axis) / (distance - corner.dot(away)));
+        center.addScaledVector(axis, 0.5 * (Math.min(...slopes) + Math.max(...slopes)) * distance);
+      }
+    }
+    return { center, distance };
   }
 
   /** Whether the user has turned the view since it was fitted. */
@@ -138,12 +164,12 @@ class Stage {
 
   /** Floor and cameras, whose size depends on that of everything. */
   #rebuildSurroundings() {
-    const { box, floor, radius } = this.extent;
+    const { radius } = this.extent;
     this.fitted = this.extent;
-    this.ground.set(box, floor, this.scene.units ?? "m");
+    this.ground.set(this.extent, this.scene.units);
     this.cameras.forEach((camera) => camera.dispose());
     const shown = this.scene.cameras.filter((camera) => camera.position_m || camera.path?.length || camera.footprint_m?.length);
-    this.cameras = shown.map((camera) => new CameraMark(this.world, camera, 0.28 * radius, this.addLabel));
+    this.cameras = shown.map((camera) => new CameraMark(this.world, camera, 0.22 * radius, this.addLabel));
     if (this.time_s !== undefined) for (const camera of this.cameras) camera.setTime(this.time_s);
   }
 

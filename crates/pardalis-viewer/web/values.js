@@ -9,11 +9,14 @@ export class Values {
   constructor(host, select) {
     this.select = select;
     this.facts = element("dl", { class: "pv-facts", "aria-label": "Values at the present time" });
+    this.axes = element("tbody");
+    const columns = ["", "position", "± 2σ", "velocity"].map((text) => element("th", { scope: "col" }, text));
+    this.vectors = element("table", { class: "pv-vectors" }, element("thead", {}, element("tr", {}, ...columns)), this.axes);
     this.body = element("tbody");
     const heads = ["target", "x", "y", "z", "speed"].map((text) => element("th", { scope: "col" }, text));
     this.heads = element("tr", {}, ...heads);
     this.table = element("div", { class: "pv-all", tabindex: "0", "aria-label": "All targets" }, element("table", {}, element("thead", {}, this.heads), this.body));
-    host.append(this.facts, this.table);
+    host.append(element("div", { class: "pv-panel" }, this.facts, this.vectors), this.table);
     this.rows = new Map();
   }
 
@@ -28,24 +31,25 @@ export class Values {
     const row = track ? track.rowAt(time_s) : -1;
     const at = (column) => (row < 0 ? NaN : track[column][row]);
     const state = row < 0 ? null : track.state[row];
-    const facts = [["time", seconds(time_s), Number.isFinite(frame) ? `frame ${frame}` : "", "time"]];
-    if (track) facts.push(["state", state === null ? "not there" : STATES[state], "", "state"]);
-    for (const axis of "xyz") facts.push([axis, length(at(`${axis}_m`), units), Number.isFinite(at(`${axis}_m`)) ? twoSigma(at(`${axis}${axis}_m2`), units) : "", axis]);
-    const velocity = "xyz".split("").map((axis) => at(`v${axis}_mps`));
-    const hasVelocity = velocity.every(Number.isFinite);
-    facts.push(["velocity", velocity.map((component) => number(component, 2)).join(", "), hasVelocity ? `${units}/s` : "", "velocity"]);
-    facts.push(["speed", number(Math.hypot(...velocity), 2) + (hasVelocity ? ` ${units}/s` : ""), "", "speed"]);
-    facts.push(["confidence", number(at("confidence"), 3), "", "confidence"]);
+    const dot = state === null ? "" : element("i", { class: "pv-dot", style: `background: ${theme().states[state]}` });
+    const facts = [["time", Number.isFinite(frame) ? `frame ${frame}` : "", seconds(time_s)]];
+    if (track) facts.push(["state", dot, state === null ? "not there" : STATES[state]]);
+    facts.push(["confidence", "", number(at("confidence"), 3)]);
+    facts.push(["speed", "", unit(number(Math.hypot(at("vx_mps"), at("vy_mps"), at("vz_mps")), 2), `${units}/s`)]);
     if (Number.isFinite(at("heading_rad"))) {
-      const sigma = at("sigma_heading_rad");
       const degrees = (radians) => number((radians * 180) / Math.PI, 1) + "°";
-      facts.push(["heading", degrees(at("heading_rad")), Number.isFinite(sigma) ? `± ${degrees(2 * sigma)}` : "", "heading"]);
+      const sigma = at("sigma_heading_rad");
+      facts.push(["heading", Number.isFinite(sigma) ? `± ${degrees(2 * sigma)}` : "", degrees(at("heading_rad"))]);
     }
-    if (Number.isFinite(at("radius_m"))) facts.push(["radius", length(at("radius_m"), units), twoSigma(at("sigma_radius_m") ** 2, units), "radius"]);
-    this.facts.replaceChildren(...facts.map(([name, value, more, key]) => element("div", { "data-value": key },
-      element("dt", {}, name),
-      element("dd", {}, ...(key === "state" && state !== null ? [element("i", { class: "pv-dot", style: `background: ${theme().states[state]}` })] : []), value),
-      element("dd", { class: "pv-more" }, more))));
+    if (Number.isFinite(at("radius_m"))) facts.push(["radius", `± ${twoSigma(at("sigma_radius_m") ** 2, units)}`, length(at("radius_m"), units)]);
+    this.facts.replaceChildren(...facts.map(([name, more, value]) => element("div", { "data-value": name },
+      element("dt", {}, name), element("dd", { class: "pv-more" }, more), element("dd", {}, value))));
+    const axes = ["x", "y", "z"].map((axis) => element("tr", { "data-value": axis },
+      element("th", { scope: "row" }, axis),
+      element("td", {}, length(at(`${axis}_m`), units)),
+      element("td", { class: "pv-more" }, Number.isFinite(at(`${axis}_m`)) ? twoSigma(at(`${axis}${axis}_m2`), units) : ""),
+      element("td", {}, unit(number(at(`v${axis}_mps`), 2), `${units}/s`))));
+    this.axes.replaceChildren(...axes);
   }
 
   #showAll(tracks, selected, time_s, units) {
@@ -78,4 +82,9 @@ export class Values {
     this.body.append(tr);
     return { tr, dot, cells };
   }
+}
+
+/** A number with its unit, unless there is none. */
+function unit(text, units) {
+  return text === number(NaN) ? text : `${text} ${units}`;
 }

@@ -84,8 +84,9 @@ export class Viewer {
     this.selected = undefined;
     this.coloring = this.chosenColoring ?? (this.tracks.all.size > 1 ? "target" : "state");
     this.#refreshTracks();
-    this.timeline.setIndex(0);
-    this.#showIndex(0);
+    // The end: the whole trail.
+    this.timeline.setIndex(this.tracks.times.length - 1);
+    this.#showIndex(this.timeline.index);
   }
 
   append(rows) {
