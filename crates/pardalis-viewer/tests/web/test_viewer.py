@@ -106,7 +106,10 @@ def test_it_plays_and_pauses(report, open_page):
     page = open_page(report[0])
     set_slider(page, 0)
     page.keyboard.press("Space")
-    page.wait_for_function("document.querySelector('.pv-slider').value > 3")
+    # Not `wait_for_function`, which the page's policy against scripts in strings forbids.
+    while int(page.locator(".pv-slider").input_value()) <= 3:
+        assert page.locator(".pv-play").get_attribute("aria-label") == "Pause"
+        page.wait_for_timeout(50)
     page.keyboard.press("Space")
     stopped = page.locator(".pv-slider").input_value()
     page.wait_for_timeout(200)
