@@ -62,7 +62,7 @@ pub(super) fn pixels(
 }
 
 /// Returns the smallest and the largest coordinates.
-fn extent(pixels: impl Iterator<Item = [f64; 2]>) -> [[f64; 2]; 2] {
+pub(super) fn extent(pixels: impl Iterator<Item = [f64; 2]>) -> [[f64; 2]; 2] {
     let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
     for pixel in pixels {
         for c in 0..2 {

@@ -4,7 +4,12 @@
 //! A library that takes the whole Jacobian would hold 30 000 rows of about 300 columns, almost all of them
 //! zero.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+mod arrow;
+
+use nalgebra::{DMatrix, DVector};
+
+use arrow::Arrow;
+pub(super) use arrow::Band;
 
 /// Derivatives of a residual's two coordinates with respect to blocks of consecutive unknowns.
 pub(super) struct Slopes<'a> {
@@ -16,6 +21,11 @@ pub(super) struct Slopes<'a> {
 pub(super) trait Problem: Sized {
     /// Returns the number of unknowns.
     fn unknowns(&self) -> usize;
+
+    /// Returns which of the first unknowns form a band, so that they are eliminated one after the other.
+    fn band(&self) -> Band {
+        Band::NONE
+    }
 
     /// Returns the problem after a step of its unknowns; `None` if the step leaves the valid range.
     fn stepped(&self, step: &DVector<f64>) -> Option<Self>;
@@ -62,13 +72,13 @@ impl Loss {
 /// Cost, normal matrix and right-hand side at the current unknowns.
 struct Normal {
     cost: f64,
-    matrix: DMatrix<f64>,
+    matrix: Arrow,
     gradient: DVector<f64>,
 }
 
 fn normal<P: Problem>(problem: &P, loss: Loss) -> Normal {
     let n = problem.unknowns();
-    let mut matrix = DMatrix::zeros(n, n);
+    let mut matrix = Arrow::zeros(problem.band(), n);
     let mut gradient = DVector::zeros(n);
     let mut cost = 0.0;
     problem.visit(&mut |residual, slopes| {
@@ -86,13 +96,12 @@ fn normal<P: Problem>(problem: &P, loss: Loss) -> Normal {
                         continue;
                     }
                     for (j, &[tu, tv]) in other.iter().enumerate() {
-                        matrix[(start + i, other_start + j)] += weight * (su * tu + sv * tv);
+                        matrix.add(start + i, other_start + j, weight * (su * tu + sv * tv));
                     }
                 }
             }
         }
     });
-    matrix.fill_upper_triangle_with_lower_triangle();
     Normal {
         cost,
         matrix,
@@ -115,17 +124,16 @@ pub(super) fn minimise<P: Problem>(mut problem: P, loss: Loss, iterations: usize
     let mut lambda = 1e-3;
     let mut present = normal(&problem, loss);
     for _ in 0..iterations {
-        let scale = scales(&present.matrix);
-        let scaled = scaled(&present.matrix, &scale);
+        let scale = present.matrix.scales();
+        let scaled = present.matrix.scaled(&scale);
         let right = -present.gradient.component_mul(&scale);
         let mut better = None;
         while lambda < 1e12 {
-            let mut damped = scaled.clone();
-            for i in 0..damped.nrows() {
-                damped[(i, i)] += lambda;
-            }
-            let stepped = Cholesky::new(damped)
-                .map(|c| c.solve(&right).component_mul(&scale))
+            let stepped = scaled
+                .clone()
+                .damped(lambda)
+                .factored()
+                .map(|factors| factors.solve(&right).component_mul(&scale))
                 .and_then(|step| problem.stepped(&step));
             if let Some(candidate) = stepped {
                 let candidate_cost = cost(&candidate, loss);
@@ -150,25 +158,18 @@ pub(super) fn minimise<P: Problem>(mut problem: P, loss: Loss, iterations: usize
     (problem, present.cost)
 }
 
-/// Computes the scale factors that make the diagonal 1; unknowns without influence keep their scale.
-fn scales(matrix: &DMatrix<f64>) -> DVector<f64> {
-    matrix
-        .diagonal()
-        .map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 1.0 })
-}
-
-fn scaled(matrix: &DMatrix<f64>, scale: &DVector<f64>) -> DMatrix<f64> {
-    DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
-        matrix[(i, j)] * scale[i] * scale[j]
-    })
-}
-
-/// Computes the covariance of the unknowns for residuals with a standard deviation of one pixel per
-/// coordinate; `None` if the residuals do not determine the unknowns.
+/// Computes the covariance of the unknowns behind the band, which are all if there is none, for residuals with a
+/// standard deviation of one pixel per coordinate; `None` if the residuals do not determine the unknowns.
 pub(super) fn covariance<P: Problem>(problem: &P) -> Option<DMatrix<f64>> {
     let matrix = normal(problem, Loss::Squares).matrix;
-    let scale = scales(&matrix);
-    let inverse = Cholesky::<f64, Dyn>::new(scaled(&matrix, &scale))?.inverse();
-    let finite = inverse.iter().all(|v| v.is_finite());
-    finite.then(|| scaled(&inverse, &scale))
+    let scale = matrix.scales();
+    let inverse = matrix.scaled(&scale).factored()?.corner_inverse();
+    let first = problem.band().unknowns;
+    let covariance = DMatrix::from_fn(inverse.nrows(), inverse.ncols(), |i, j| {
+        inverse[(i, j)] * scale[first + i] * scale[first + j]
+    });
+    covariance
+        .iter()
+        .all(|v| v.is_finite())
+        .then_some(covariance)
 }

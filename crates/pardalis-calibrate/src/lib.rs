@@ -7,6 +7,7 @@
 //! | intrinsics and poses | points with known positions, or several views of a board | [`calibrate`] |
 //! | the pose of a calibrated camera | four points in a plane, or six | [`fit_pose`] |
 //! | the relative poses of several cameras | simultaneous views of a board | [`calibrate_rig`] |
+//! | the relative poses and clocks of several cameras | a ball that is waved through the room | [`calibrate_ball_rig`] |
 //! | where a camera is on a robot, an arm or a head | a target at rest that is seen while these move | [`calibrate_mount`] |
 //! | a rectangle of tape on a floor | images | [`rectangle::detect`] |
 //! | the plane that an uncalibrated camera sees | four or more points on it | [`plane::fit`] |
@@ -72,6 +73,7 @@
 //! its pixels, and the best one is refined with a robust loss. Points that then deviate strongly are reported
 //! as outliers and excluded. Least squares on the remaining points gives the result and its covariance.
 
+mod ball_rig;
 pub mod board;
 mod bundle;
 mod check;
@@ -86,6 +88,10 @@ mod spread;
 mod start;
 mod temporal;
 
+pub use ball_rig::{
+    BallRigCalibration, BallRigCamera, BallRigSettings, BallSighting, FocalFit, RigAlignment,
+    RigSight, align_to_places, align_to_points, calibrate_ball_rig,
+};
 pub use intrinsics::{Calibration, FittedParameter, FittedView, calibrate};
 pub use mount::{MountCalibration, MountSettings, MountView, PlatformAt, calibrate_mount};
 pub use pose::{PoseFit, closest_pose, fit_pose};

@@ -7,11 +7,11 @@ use pardalis::Tracker;
 use pardalis::color::ColorModel;
 use pardalis::view::View;
 use pardalis_scene::{
-    Assembly, BodyConfig, CameraConfig, Input, Located, Problem, Scene, StartConfig, VideoFormat,
-    VideoInput, VideoPlace,
+    Assembly, BodyConfig, CameraConfig, Input, Located, Problem, ReadCalibration, Scene,
+    StartConfig, VideoFormat, VideoInput, VideoPlace,
 };
 
-use crate::detections::{CameraDetections, Detections};
+use crate::detections::{CameraDetections, Detections, Images};
 use crate::named_files;
 use crate::output::{Shown, warn};
 use crate::platforms::PlatformRows;
@@ -19,6 +19,7 @@ use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
 use crate::scene_files::{SceneFiles, read_calibration, read_text, resolve};
 use crate::source::decode::media_kind;
+use crate::source::images::image_names;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::user_error::{UserError, user_error};
 
@@ -70,12 +71,24 @@ pub(crate) fn read(path: &Path) -> Result<Scene> {
 /// Reads and checks a scene file like [`read`], with some settings replaced: full keys, such as
 /// `targets.ball.filter.particles`, with their values.
 pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
+    checked(path, |text, read_calibration| {
+        Scene::parse_with(text, replaced, read_calibration)
+    })
+}
+
+/// Reads and checks a scene file like [`read`], whose cameras may lack poses.
+pub(crate) fn read_without_poses(path: &Path) -> Result<Scene> {
+    checked(path, Scene::parse_without_poses)
+}
+
+fn checked(
+    path: &Path,
+    parse: impl Fn(&str, ReadCalibration) -> Result<Scene, Vec<Problem>>,
+) -> Result<Scene> {
     let text = read_scene_text(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut scene = Scene::parse_with(&text, replaced, &|file, lens| {
-        read_calibration(folder, file, lens)
-    })
-    .map_err(|problems| problems_in("scene", path, &problems))?;
+    let mut scene = parse(&text, &|file, lens| read_calibration(folder, file, lens))
+        .map_err(|problems| problems_in("scene", path, &problems))?;
     let mut problems = Vec::new();
     for camera in &mut scene.cameras {
         problems.extend(find_rectangle(camera, folder, false, &mut scene.resolved).err());
@@ -241,8 +254,9 @@ impl Parts {
                     "is of recorded images, and the camera is live; record its video first, or give boxes to the library (FrameSet::with_boxes)"
                 ))
             } else if self.is_complete {
-                let images = (source.size(), source.frame_count());
-                CameraDetections::read(&path, camera, targets, images).map(Some)
+                images_of(source, folder, &camera.input)
+                    .and_then(|images| CameraDetections::read(&path, camera, targets, &images))
+                    .map(Some)
             } else {
                 Ok(None)
             };
@@ -363,6 +377,19 @@ impl Parts {
             tracker,
         })
     }
+}
+
+/// Returns what is known of the images of a camera.
+fn images_of(source: &Source, folder: &Path, input: &Input) -> Result<Images> {
+    let names = match input {
+        Input::Images { folder: images, .. } => Some(image_names(&resolve(folder, &images.value))?),
+        Input::Video { .. } | Input::Mcap { .. } | Input::Given(_) => None,
+    };
+    Ok(Images {
+        size_px: source.size(),
+        count: source.frame_count(),
+        names,
+    })
 }
 
 fn source_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<String> {

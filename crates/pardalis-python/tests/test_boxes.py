@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pardalis import Camera, ColorModel, Shape, Target, Tracker
+from pardalis import Camera, ColorModel, Shape, Target, Tracker, boxes_of_masks
 
 CAMERA = Camera.pinhole((640, 480), [500, 500], [319.5, 239.5])
 SIDE = CAMERA.looking(from_m=[2.0, 0.0, 2.0], at_m=[0.0, 0.0, 2.0], roll_rad=0.0)
@@ -94,3 +94,15 @@ def test_errors_say_which_box():
     with pytest.raises(ValueError, match="side_sigma is 0; allowed"):
         Target.of_boxes(Shape.ball(RADIUS_M), side_sigma=0.0)
     assert tracker.time_s is None
+
+
+def test_masks_have_boxes():
+    masks = np.zeros((3, 48, 64), bool)
+    rows, columns = np.mgrid[:48, :64]
+    masks[0] = (rows - 20) ** 2 + (columns - 30) ** 2 <= 100
+    masks[2, 47, 63] = True
+    assert boxes_of_masks(masks).tolist() == [[19.5, 9.5, 40.5, 30.5], [62.5, 46.5, 63.5, 47.5]]
+    assert boxes_of_masks(masks[1:2]).shape == (0, 4)
+    for wrong in (masks[0], masks.astype(float)):
+        with pytest.raises(ValueError, match="needed: N x height x width booleans"):
+            boxes_of_masks(wrong)

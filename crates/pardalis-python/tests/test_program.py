@@ -88,6 +88,13 @@ def test_a_dictionary_is_a_scene(tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "results"]
 
 
+def test_plots_are_shown_by_notebooks(tmp_path):
+    tracks = pardalis.track(SCENE, tmp_path / "results", frames=3)
+    assert {"above", "side", "coordinates"} <= set(tracks.plots)
+    assert tracks.plots["above"]._repr_svg_().lstrip().startswith("<svg")
+    assert not pardalis.track(SCENE, tmp_path / "none", frames=3, plots=False).plots
+
+
 def test_rows_are_tables(tmp_path):
     tracks = pardalis.track(SCENE, tmp_path / "results", frames=3, plots=False)
     frame = pandas.DataFrame(tracks.columns)

@@ -63,6 +63,9 @@ pub struct CameraConfig {
     pub mask_circle: Option<MaskCircle>,
     /// Its pose in the world; of a camera on a platform, its pose there.
     pub world_from_camera: Pose,
+    /// Whether its pose is stated and no guess. Otherwise it need not even be given in a scene that was read with
+    /// [`Scene::parse_without_poses`](super::Scene::parse_without_poses), and is then the identity.
+    pub has_pose: bool,
     /// The platform that carries it.
     pub platform: Option<String>,
 }
@@ -116,6 +119,15 @@ pub enum Inputs {
     Given,
 }
 
+/// Whether a scene must state the poses of its cameras.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Poses {
+    /// It must.
+    Stated,
+    /// The caller finds those that it does not state.
+    Sought,
+}
+
 /// The source of a camera's frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
@@ -167,7 +179,7 @@ impl CameraConfig {
         table: Table,
         platforms: &[String],
         read_calibration: ReadCalibration,
-        inputs: Inputs,
+        (inputs, poses): (Inputs, Poses),
     ) -> Option<Self> {
         let mut input = read_input(&table, inputs);
         let time_offset_s: f64 = table
@@ -204,7 +216,7 @@ impl CameraConfig {
             .depends("none")
             .located();
         let platform = read_platform(&table, platforms);
-        let optics = read_optics(&name, &table, read_calibration);
+        let optics = read_optics(&name, &table, read_calibration, poses);
         let mask = table
             .key(
                 "mask",
@@ -252,7 +264,8 @@ impl CameraConfig {
             size_px: optics.size_px,
             mask,
             mask_circle,
-            world_from_camera: optics.world_from_camera,
+            world_from_camera: optics.world_from_camera.unwrap_or_default(),
+            has_pose: optics.world_from_camera.is_some(),
             platform,
         })
     }
@@ -276,10 +289,16 @@ struct Optics {
     camera: Camera,
     rectangle: Option<Located<RectangleConfig>>,
     size_px: Option<Located<[f64; 2]>>,
-    world_from_camera: Pose,
+    /// `None` only if poses are sought.
+    world_from_camera: Option<Pose>,
 }
 
-fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> Option<Optics> {
+fn read_optics(
+    name: &str,
+    table: &Table,
+    read_calibration: ReadCalibration,
+    poses: Poses,
+) -> Option<Optics> {
     let file = read_calibrated(name, table, read_calibration);
     let model = if table.has("calibration") {
         if table.knows("model") {
@@ -319,7 +338,7 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     } else {
         Some("is missing")
     };
-    if let Some(missing) = pose_is_missing {
+    if let Some(missing) = pose_is_missing.filter(|_| poses == Poses::Stated) {
         let wanted = <[[f64; 4]; 4]>::allowed();
         table.problem(pose_key, format!("{missing}; give {wanted}"));
     }
@@ -353,11 +372,15 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
             format!("contradicts the calibration file, which is for images of {width} x {height}");
         table.problem("size_px", message);
     }
+    let world_from_camera = own_pose.or(given_pose).or(file_pose);
+    if world_from_camera.is_none() && poses == Poses::Stated {
+        return None;
+    }
     Some(Optics {
         camera: model?,
         rectangle,
         size_px: given_size.or_else(|| file_size.map(|size| table.at("calibration", size))),
-        world_from_camera: own_pose.or(given_pose).or(file_pose)?,
+        world_from_camera,
     })
 }
 

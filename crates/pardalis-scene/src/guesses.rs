@@ -2,13 +2,13 @@
 
 use super::reader::Table;
 
-/// Reads the keys of values that are guesses, and warns of them. Every key must be given in the text.
-pub(super) fn read_guesses(root: &Table) {
+/// Returns the keys of values that are guesses, and warns of them. Every key must be given in the text.
+pub(super) fn read_guesses(root: &Table) -> Vec<String> {
     let about = "Full keys of values that are guesses, such as `targets.ball.shape.sphere.radius_m`. The program warns of them.";
     let keys: Vec<String> = root.key("guessed", about).or(Vec::new());
     let mut named = Vec::new();
-    for key in keys {
-        match root.given(&key) {
+    for key in &keys {
+        match root.given(key) {
             // Replaced by the caller.
             Some(0) => {}
             Some(line) => {
@@ -28,4 +28,5 @@ pub(super) fn read_guesses(root: &Table) {
         );
         root.warn("guessed", message);
     }
+    keys
 }

@@ -7,6 +7,7 @@ mod assembly;
 pub mod calibration;
 mod camera;
 mod camera_names;
+mod camera_settings;
 mod crossing;
 pub mod description;
 mod detector;
@@ -19,7 +20,6 @@ mod keys;
 mod mirror;
 mod model;
 mod motion;
-mod offsets;
 mod plane;
 mod platform;
 mod reader;
@@ -36,10 +36,10 @@ mod world;
 
 pub use assembly::{Assembly, Files};
 pub use camera::{CameraConfig, FrameRange, Input, Inputs, MaskCircle, ReadCalibration};
+pub use camera_settings::{CameraSetting, with_camera_settings};
 pub use crossing::CrossingConfig;
 pub use detector::DetectorConfig;
 pub use journal::{Located, Problem};
-pub use offsets::with_time_offsets;
 pub use plane::RectangleConfig;
 pub use platform::{PlatformConfig, PlatformMotion};
 pub use start::{StartConfig, TrackStart};
@@ -50,6 +50,7 @@ pub use video::{
 };
 pub use world::WorldConfig;
 
+use camera::Poses;
 use camera_names::CameraNames;
 use description::{KeyDescription, Presence};
 use keys::keys_of;
@@ -110,7 +111,7 @@ impl Scene {
         read_calibration: ReadCalibration,
     ) -> Result<Self, Vec<Problem>> {
         let read = read_parts(text, replaced, |_, table| {
-            Self::read(table, read_calibration, Inputs::Named)
+            Self::read(table, read_calibration, (Inputs::Named, Poses::Stated))
         });
         let (warnings, resolved) = read.found?;
         Ok(read.result.with(warnings, resolved))
@@ -124,7 +125,20 @@ impl Scene {
         read_calibration: ReadCalibration,
     ) -> Result<Self, Vec<Problem>> {
         let read = read_parts(text, replaced, |_, table| {
-            Self::read(table, read_calibration, Inputs::Given)
+            Self::read(table, read_calibration, (Inputs::Given, Poses::Stated))
+        });
+        let (warnings, resolved) = read.found?;
+        Ok(read.result.with(warnings, resolved))
+    }
+
+    /// Reads a scene's text like [`Scene::parse`], for a caller who finds the poses of its cameras. Cameras may lack a pose; those without
+    /// one have [`CameraConfig::has_pose`] false, as have those whose pose is listed as a guess.
+    pub fn parse_without_poses(
+        text: &str,
+        read_calibration: ReadCalibration,
+    ) -> Result<Self, Vec<Problem>> {
+        let read = read_parts(text, &toml::Table::new(), |_, table| {
+            Self::read(table, read_calibration, (Inputs::Named, Poses::Sought))
         });
         let (warnings, resolved) = read.found?;
         Ok(read.result.with(warnings, resolved))
@@ -135,7 +149,7 @@ impl Scene {
     /// are no problems.
     pub fn parse_parts(text: &str, read_calibration: ReadCalibration) -> (Self, Vec<Problem>) {
         let read = read_parts(text, &toml::Table::new(), |_, table| {
-            Self::read(table, read_calibration, Inputs::Named)
+            Self::read(table, read_calibration, (Inputs::Named, Poses::Stated))
         });
         let mut scene = read.result;
         match read.found {
@@ -170,16 +184,24 @@ impl Scene {
     /// Returns the keys of scene files.
     pub fn keys() -> Vec<KeyDescription> {
         keys_of(|_, table| {
-            Self::read(table, &|_, _| Err(String::new()), Inputs::Named);
+            Self::read(
+                table,
+                &|_, _| Err(String::new()),
+                (Inputs::Named, Poses::Stated),
+            );
         })
     }
 
     /// Reads all settings; invalid ones are left out and reported to the journal.
-    fn read(table: &Table, read_calibration: ReadCalibration, inputs: Inputs) -> Self {
+    fn read(
+        table: &Table,
+        read_calibration: ReadCalibration,
+        (inputs, poses): (Inputs, Poses),
+    ) -> Self {
         let seed = table
             .key("seed", "Seed of all random numbers.")
             .or(Self::DEFAULT_SEED);
-        guesses::read_guesses(table);
+        let guesses = guesses::read_guesses(table);
         let about = "The cameras, each by its name.";
         let camera_tables = table.named_tables("cameras", about, Presence::Required);
         let camera_names: Vec<String> =
@@ -195,12 +217,17 @@ impl Scene {
             .into_iter()
             .filter_map(|(name, table)| PlatformConfig::read(name, table, inputs))
             .collect();
-        let cameras: Vec<_> = camera_tables
+        let mut cameras: Vec<_> = camera_tables
             .into_iter()
             .filter_map(|(name, table)| {
-                CameraConfig::read(name, table, &platform_names, read_calibration, inputs)
+                let from = (inputs, poses);
+                CameraConfig::read(name, table, &platform_names, read_calibration, from)
             })
             .collect();
+        for camera in &mut cameras {
+            let key = format!("cameras.{}.world_from_camera", camera.name);
+            camera.has_pose &= !guesses.contains(&key);
+        }
         if cameras.len() == camera_names.len() {
             check_platforms(table, &platform_names, &cameras);
         }

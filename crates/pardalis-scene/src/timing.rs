@@ -29,7 +29,10 @@ pub(super) fn read_max_delay_s(root: &Table, camera_count: usize) -> f64 {
 pub(super) fn cameras_at_one_place(cameras: &[CameraConfig]) -> impl Iterator<Item = Problem> {
     cameras.iter().enumerate().filter_map(|(number, camera)| {
         let twin = cameras[..number].iter().find(|other| {
-            other.platform == camera.platform && other.world_from_camera == camera.world_from_camera
+            other.platform == camera.platform
+                && other.has_pose
+                && camera.has_pose
+                && other.world_from_camera == camera.world_from_camera
         })?;
         Some(Problem {
             line: camera.input.place().line,

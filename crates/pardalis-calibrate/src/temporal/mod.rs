@@ -11,8 +11,8 @@
 //! 4. Least squares on the selected detections gives the offsets and their standard deviations.
 
 mod chain;
-mod path;
-mod search;
+pub(crate) mod path;
+pub(crate) mod search;
 mod selection;
 
 use nalgebra::Vector3;
@@ -94,7 +94,7 @@ pub struct TemporalCalibration {
 pub const MAX_TIME_OFFSET_S: f64 = 10.0;
 
 /// Number of frames in which each camera must detect the target.
-const MIN_DETECTIONS: usize = 12;
+pub(crate) const MIN_DETECTIONS: usize = 12;
 
 /// Control points of the path per frame of the second fastest camera.
 const CONTROLS_PER_FRAME: f64 = 0.5;
@@ -124,28 +124,7 @@ pub fn calibrate_time(
     size: SizeTolerance,
     max_offset_s: f64,
 ) -> Result<Vec<TemporalCalibration>, CalibrationError> {
-    if !(max_offset_s > 0.0 && max_offset_s <= MAX_TIME_OFFSET_S) {
-        return Err(CalibrationError::new(
-            format!("the search range for offsets is {max_offset_s} s"),
-            format!("choose more than 0 and at most {MAX_TIME_OFFSET_S} s"),
-        ));
-    }
-    if cameras.len() < 2 {
-        return Err(CalibrationError::new(
-            "there is only one camera, and temporal calibration compares cameras",
-            "give two or more cameras that see the target at the same times",
-        ));
-    }
-    let candidates: Vec<Vec<DetectionFrame>> = cameras.iter().map(candidates).collect();
-    check_candidates(cameras, &candidates)?;
-    let recording = Recording {
-        cameras,
-        views: cameras.iter().map(|camera| camera.view).collect(),
-        intervals_s: cameras.iter().map(typical_interval_s).collect(),
-        is_size_known: size != SizeTolerance::Unknown,
-        candidates,
-    };
-    recording.fit(max_offset_s)
+    Recording::new(cameras, size, max_offset_s)?.fit(max_offset_s)
 }
 
 /// Returns the median time between two frames of a camera, in seconds.
@@ -159,7 +138,7 @@ fn typical_interval_s(camera: &TimedCamera) -> f64 {
 }
 
 /// Returns the median; `None` if there are no values.
-fn median(values: &mut [f64]) -> Option<f64> {
+pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
     if values.is_empty() {
         return None;
     }
@@ -199,13 +178,47 @@ fn check_candidates(
 }
 
 /// The data of a temporal calibration.
-struct Recording<'a> {
-    cameras: &'a [TimedCamera<'a>],
+pub(crate) struct Recording<'a> {
+    pub(crate) cameras: &'a [TimedCamera<'a>],
     views: Vec<&'a View>,
-    intervals_s: Vec<f64>,
+    /// Median time between two frames of each camera, in seconds.
+    pub(crate) intervals_s: Vec<f64>,
     is_size_known: bool,
     /// Frames with the detections that may be the target, per camera, in order of time.
-    candidates: Vec<Vec<DetectionFrame>>,
+    pub(crate) candidates: Vec<Vec<DetectionFrame>>,
+}
+
+impl<'a> Recording<'a> {
+    /// Prepares a calibration with offsets of up to `max_offset_s`.
+    ///
+    /// Fails if that is out of range, or if fewer than two cameras detect something that may be the target.
+    pub(crate) fn new(
+        cameras: &'a [TimedCamera<'a>],
+        size: SizeTolerance,
+        max_offset_s: f64,
+    ) -> Result<Self, CalibrationError> {
+        if !(max_offset_s > 0.0 && max_offset_s <= MAX_TIME_OFFSET_S) {
+            return Err(CalibrationError::new(
+                format!("the search range for offsets is {max_offset_s} s"),
+                format!("choose more than 0 and at most {MAX_TIME_OFFSET_S} s"),
+            ));
+        }
+        if cameras.len() < 2 {
+            return Err(CalibrationError::new(
+                "there is only one camera, and cameras are compared with each other",
+                "give two or more cameras that see the target at the same times",
+            ));
+        }
+        let candidates: Vec<Vec<DetectionFrame>> = cameras.iter().map(candidates).collect();
+        check_candidates(cameras, &candidates)?;
+        Ok(Self {
+            cameras,
+            views: cameras.iter().map(|camera| camera.view).collect(),
+            intervals_s: cameras.iter().map(typical_interval_s).collect(),
+            is_size_known: size != SizeTolerance::Unknown,
+            candidates,
+        })
+    }
 }
 
 impl Recording<'_> {

@@ -7,25 +7,25 @@ use pardalis::view::View;
 
 /// Uniform cubic B-spline in time through space.
 #[derive(Debug, Clone)]
-pub(super) struct Path {
+pub(crate) struct Path {
     start_s: f64,
     interval_s: f64,
-    controls_m: Vec<Vector3<f64>>,
+    pub(crate) controls_m: Vec<Vector3<f64>>,
 }
 
 /// The control points with influence at one time, and their weights.
-pub(super) struct Basis {
+pub(crate) struct Basis {
     /// Index of the first of four control points.
-    pub(super) first: usize,
-    weights: [f64; 4],
+    pub(crate) first: usize,
+    pub(crate) weights: [f64; 4],
     /// Derivatives of the weights with respect to time, per second.
-    slopes_per_s: [f64; 4],
+    pub(crate) slopes_per_s: [f64; 4],
 }
 
 impl Path {
     /// Builds a curve near these points (time in seconds, position in metres) from `start_s` to `end_s`. The
     /// points, at least one, are in order of time.
-    pub(super) fn near(
+    pub(crate) fn near(
         points: &[(f64, Point3<f64>)],
         start_s: f64,
         end_s: f64,
@@ -53,7 +53,7 @@ impl Path {
     }
 
     /// Returns the weights at a time; `None` outside the curve.
-    pub(super) fn basis(&self, time_s: f64) -> Option<Basis> {
+    pub(crate) fn basis(&self, time_s: f64) -> Option<Basis> {
         let place = (time_s - self.start_s) / self.interval_s;
         let pieces = self.controls_m.len() - 3;
         if !(place >= 0.0 && place <= pieces as f64) {
@@ -76,15 +76,50 @@ impl Path {
         })
     }
 
-    fn weighted(&self, first: usize, weights: [f64; 4]) -> Vector3<f64> {
+    pub(crate) fn weighted(&self, first: usize, weights: [f64; 4]) -> Vector3<f64> {
         let controls = &self.controls_m[first..first + 4];
         controls.iter().zip(weights).map(|(c, w)| c * w).sum()
     }
 
     /// Returns the position at a time; `None` outside the curve.
-    pub(super) fn position_m(&self, time_s: f64) -> Option<Point3<f64>> {
+    pub(crate) fn position_m(&self, time_s: f64) -> Option<Point3<f64>> {
         let basis = self.basis(time_s)?;
         Some(self.weighted(basis.first, basis.weights).into())
+    }
+
+    /// Calls `visit` with the second differences of the control points times a stiffness per metre, and their
+    /// derivatives.
+    pub(crate) fn visit_stiffness(
+        &self,
+        stiffness: f64,
+        visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>),
+    ) {
+        for (first, c) in self.controls_m.windows(3).enumerate() {
+            let difference = (c[0] - 2.0 * c[1] + c[2]) * stiffness;
+            // Two coordinates at a time, as in pixels: x and y, then z.
+            for (residual, places) in [
+                ([difference.x, difference.y], [Some(0), Some(1)]),
+                ([difference.z, 0.0], [Some(2), None]),
+            ] {
+                let mut slopes = [[0.0; 2]; 9];
+                for (control, factor) in [1.0, -2.0, 1.0].into_iter().enumerate() {
+                    for (coordinate, place) in places.into_iter().enumerate() {
+                        if let Some(place) = place {
+                            slopes[3 * control + place][coordinate] = factor * stiffness;
+                        }
+                    }
+                }
+                let blocks = &[(3 * first, slopes.as_slice())];
+                visit(Some(residual), Slopes { blocks });
+            }
+        }
+    }
+
+    /// Moves the control points by three coordinates each.
+    pub(crate) fn step(&mut self, step: &[f64]) {
+        for (control, by) in self.controls_m.iter_mut().zip(step.chunks_exact(3)) {
+            *control += Vector3::new(by[0], by[1], by[2]);
+        }
     }
 }
 
@@ -93,19 +128,19 @@ const MAX_CORRELATION: f64 = 0.98;
 
 /// A detection with its camera and time.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Observation {
+pub(crate) struct Observation {
     /// Index of the camera.
-    pub(super) camera: usize,
+    pub(crate) camera: usize,
     /// Index of the frame among those of its camera.
-    pub(super) frame: usize,
+    pub(crate) frame: usize,
     /// Time of the exposure by the clock of the camera, in seconds.
-    pub(super) time_s: f64,
+    pub(crate) time_s: f64,
     /// Pixel of the target's middle.
-    pub(super) pixel: [f64; 2],
+    pub(crate) pixel: [f64; 2],
     /// Radius of its image, in pixels.
-    pub(super) radius_px: f64,
+    pub(crate) radius_px: f64,
     /// Distance from the camera by its size, in metres.
-    pub(super) distance_m: f64,
+    pub(crate) distance_m: f64,
 }
 
 /// The least-squares problem: distances between the detections and the images of the path. The unknowns are
@@ -240,28 +275,6 @@ impl PathFit<'_> {
             last = Some((observation, row));
         }
     }
-
-    fn visit_stiffness(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
-        for (first, c) in self.path.controls_m.windows(3).enumerate() {
-            let difference = (c[0] - 2.0 * c[1] + c[2]) * self.stiffness;
-            // Two coordinates at a time, as in pixels: x and y, then z.
-            for (residual, places) in [
-                ([difference.x, difference.y], [Some(0), Some(1)]),
-                ([difference.z, 0.0], [Some(2), None]),
-            ] {
-                let mut slopes = [[0.0; 2]; 9];
-                for (control, factor) in [1.0, -2.0, 1.0].into_iter().enumerate() {
-                    for (coordinate, place) in places.into_iter().enumerate() {
-                        if let Some(place) = place {
-                            slopes[3 * control + place][coordinate] = factor * self.stiffness;
-                        }
-                    }
-                }
-                let blocks = &[(3 * first, slopes.as_slice())];
-                visit(Some(residual), Slopes { blocks });
-            }
-        }
-    }
 }
 
 /// A residual and its derivatives.
@@ -318,9 +331,7 @@ impl Problem for PathFit<'_> {
 
     fn stepped(&self, step: &DVector<f64>) -> Option<Self> {
         let mut next = self.clone();
-        for (i, control) in next.path.controls_m.iter_mut().enumerate() {
-            *control += step.fixed_rows::<3>(3 * i);
-        }
+        next.path.step(&step.as_slice()[..self.path_unknowns()]);
         let steps = step.iter().skip(self.path_unknowns());
         for (offset_s, step_s) in next.offsets_s[1..].iter_mut().zip(steps) {
             *offset_s += step_s;
@@ -334,7 +345,7 @@ impl Problem for PathFit<'_> {
 
     fn visit(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
         self.visit_observations(visit);
-        self.visit_stiffness(visit);
+        self.path.visit_stiffness(self.stiffness, visit);
     }
 }
 

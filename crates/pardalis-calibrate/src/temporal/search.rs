@@ -27,17 +27,17 @@ const MAX_COMPARED: usize = 400;
 
 /// A detection's ray in the world.
 #[derive(Debug, Clone, Copy)]
-struct TimedRay {
+pub(crate) struct TimedRay {
     /// The detection; the earlier one of two between which the ray is interpolated.
-    observation: Observation,
+    pub(crate) observation: Observation,
     /// Time of the camera's clock, in seconds.
-    time_s: f64,
-    origin_m: Point3<f64>,
-    direction: Vector3<f64>,
+    pub(crate) time_s: f64,
+    pub(crate) origin_m: Point3<f64>,
+    pub(crate) direction: Vector3<f64>,
     /// Distance of the target by its size, in metres.
-    distance_m: f64,
+    pub(crate) distance_m: f64,
     /// Angle between the target's middle and its outline, in radians.
-    radius_rad: f64,
+    pub(crate) radius_rad: f64,
 }
 
 impl TimedRay {
@@ -59,18 +59,18 @@ impl TimedRay {
 
 /// Rays of the detections of one camera, frame by frame in order of time.
 #[derive(Debug, Clone)]
-pub(super) struct RayTrack {
-    frames: Vec<Vec<TimedRay>>,
+pub(crate) struct RayTrack {
+    pub(crate) frames: Vec<Vec<TimedRay>>,
     /// Median time between two frames, in seconds.
-    pub(super) interval_s: f64,
+    pub(crate) interval_s: f64,
     /// Angular size of a pixel, in radians.
-    rad_per_px: f64,
+    pub(crate) rad_per_px: f64,
     is_size_known: bool,
 }
 
 impl RayTrack {
     /// Computes the rays of one camera's detections, which are in order of frames.
-    pub(super) fn new<'a>(
+    pub(crate) fn new<'a>(
         view: &View,
         observations: impl Iterator<Item = &'a Observation>,
         interval_s: f64,
@@ -116,7 +116,7 @@ impl RayTrack {
 
     /// Returns the rays at a time of this camera's clock, each interpolated between a detection and the nearest one
     /// of the next frame, if the two frames are close in time.
-    fn at(&self, time_s: f64) -> Vec<TimedRay> {
+    pub(crate) fn at(&self, time_s: f64) -> Vec<TimedRay> {
         let after = self.frames.partition_point(|rays| rays[0].time_s < time_s);
         let before = after.checked_sub(1).map(|before| &self.frames[before]);
         let (Some(next), Some(last)) = (self.frames.get(after), before) else {

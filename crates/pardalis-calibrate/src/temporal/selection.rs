@@ -28,7 +28,7 @@ const SHARED_FRAMES: f64 = 1.5;
 
 /// Returns a camera's frames with the detections that may be the target: those that do not belong to the
 /// background. Repeated frames are dropped.
-pub(super) fn candidates(camera: &TimedCamera) -> Vec<DetectionFrame> {
+pub(crate) fn candidates(camera: &TimedCamera) -> Vec<DetectionFrame> {
     let step = camera.frames.len().div_ceil(STILL_FRAMES).max(1);
     let sample: Vec<&DetectionFrame> = camera.frames.iter().step_by(step).collect();
     let is_scenery = |detection: &&Detection| {
@@ -63,7 +63,7 @@ pub(super) fn candidates(camera: &TimedCamera) -> Vec<DetectionFrame> {
 
 impl Recording<'_> {
     /// Returns all detections, camera by camera in order of frames.
-    pub(super) fn observations(&self) -> Vec<Observation> {
+    pub(crate) fn observations(&self) -> Vec<Observation> {
         let mut observations = Vec::new();
         for (camera, frames) in self.candidates.iter().enumerate() {
             for (number, frame) in frames.iter().enumerate() {
@@ -75,7 +75,11 @@ impl Recording<'_> {
         observations
     }
 
-    fn observation(&self, (camera, frame): (usize, usize), found: &Detection) -> Observation {
+    pub(crate) fn observation(
+        &self,
+        (camera, frame): (usize, usize),
+        found: &Detection,
+    ) -> Observation {
         let view = self.views[camera];
         let below_middle = found.pixel[1] - 0.5 * (view.size().1 as f64 - 1.0);
         Observation {
@@ -157,7 +161,7 @@ impl Recording<'_> {
 
     /// Returns the observations made while another camera also saw the target; the others carry no
     /// information on time offsets.
-    pub(super) fn simultaneous(
+    pub(crate) fn simultaneous(
         &self,
         observations: &[Observation],
         offsets_s: &[f64],

@@ -1,5 +1,6 @@
 //! Integration tests of calibration, in one executable.
 
+mod ball_rig;
 mod boards;
 mod calibrate;
 mod calibrate_from_boards;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::camera_symbol::CameraSymbol;
-use super::plots::{Figures, TrackSeries, TruthSeries};
-use super::svg::write_svg_and_png;
+use super::plots::{Figures, Sample, TrackSeries, TruthSeries};
+use super::svg::{Drawing, write_svg_and_png};
 
 /// Tracks that share a colour and an entry of the legend, such as all runs of one method.
 #[derive(Debug, Clone)]
@@ -42,6 +42,25 @@ pub(crate) fn write_path_figures(
         )?);
     }
     Ok(paths)
+}
+
+/// Draws cameras and the path of a ball (world frame; seconds, metres) from above and from the side.
+pub(crate) fn rig_figures(
+    path_m: &[(f64, [f64; 3])],
+    cameras: &[CameraSymbol],
+) -> anyhow::Result<[Drawing; 2]> {
+    let rows = path_m.iter().map(|&(time_s, position_m)| Sample {
+        time_s,
+        position_m: Some(position_m),
+        covariance_m2: None,
+        is_seen: true,
+    });
+    let ball = TrackSeries {
+        name: "ball".to_owned(),
+        rows: rows.collect(),
+    };
+    let figures = Figures::new([("ball", &ball)].into_iter(), &[], cameras, true);
+    Ok([figures.above()?, figures.side()?])
 }
 
 #[cfg(test)]

@@ -378,7 +378,7 @@ impl<'a> Figures<'a> {
         })
     }
 
-    fn side(&self) -> anyhow::Result<Drawing> {
+    pub(super) fn side(&self) -> anyhow::Result<Drawing> {
         let ranges = [0, 1, 2].map(|axis| self.range_m(axis));
         let [x_span, y_span, z_span] = ranges.each_ref().map(|r| r.end - r.start);
         // Both panels have the same scale and are as wide as the longer of x and y requires.

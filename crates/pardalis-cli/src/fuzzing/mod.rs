@@ -44,7 +44,7 @@ impl Reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 28] = {
+pub const READERS: [Reader; 29] = {
     const fn reader(name: &'static str, check: fn(&[u8]) -> bool) -> Reader {
         Reader { name, check }
     }
@@ -70,6 +70,7 @@ pub const READERS: [Reader; 28] = {
         reader("poses", tables::poses),
         reader("odometry", tables::odometry),
         reader("detections", tables::detections),
+        reader("detections-coco", tables::detections_coco),
         reader("times", source::times),
         reader("png", images::png),
         reader("jpeg", images::jpeg),

@@ -126,7 +126,18 @@ pub(super) fn odometry(bytes: &[u8]) -> bool {
 pub(super) fn detections(bytes: &[u8]) -> bool {
     let table =
         Table::from_reader_with_or_without_header(Path::new(FILE), bytes, &detections::MOT_COLUMNS);
-    match table.and_then(|table| detections::boxes_in(&table)) {
+    check_detections(table.and_then(|table| detections::boxes_in(&table)))
+}
+
+pub(super) fn detections_coco(bytes: &[u8]) -> bool {
+    let names = ["000001.jpg", "clip_7.jpg"].map(str::to_owned);
+    let of_video = detections::coco::boxes_in(Path::new(FILE), bytes, None);
+    let of_images = detections::coco::boxes_in(Path::new(FILE), bytes, Some(&names));
+    check_detections(of_video) | check_detections(of_images)
+}
+
+fn check_detections(found: anyhow::Result<Vec<detections::Found>>) -> bool {
+    match found {
         Ok(found) => {
             assert!(!found.is_empty());
             for one in found {

@@ -138,6 +138,15 @@ impl Iterator for ImageFrames {
     }
 }
 
+/// The names of the images of a folder in natural order.
+pub(crate) fn image_names(folder: &Path) -> Result<Vec<String>> {
+    let name = |(file, _): (PathBuf, u64)| {
+        let name = file.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    };
+    Ok(list_images(folder)?.into_iter().map(name).collect())
+}
+
 /// Lists the images of a folder in natural order, each with its index in time.
 ///
 /// If all names end in a number, the index is that number minus the first one, so that a missing file
@@ -276,7 +285,7 @@ fn is_image_name(path: &Path) -> bool {
 }
 
 /// Returns the number at the end of a file's name before its extension; `None` if there is none or it overflows.
-fn trailing_number(path: &Path) -> Option<u64> {
+pub(crate) fn trailing_number(path: &Path) -> Option<u64> {
     let stem = path.file_stem()?.to_string_lossy();
     let digits = stem.len() - stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
     stem[stem.len() - digits..].parse().ok()

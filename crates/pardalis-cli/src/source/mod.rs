@@ -4,7 +4,7 @@ pub(crate) mod decode;
 mod ffmpeg;
 #[cfg(any(test, feature = "fuzz"))]
 pub(crate) mod fuzzing;
-mod images;
+pub(crate) mod images;
 mod live;
 mod mcap;
 mod nut;

@@ -123,6 +123,59 @@ fn boxes_of_a_file_are_tracked() {
 }
 
 #[test]
+fn files_of_coco_are_tracked() {
+    let place = Workplace::with_frames(FRAMES);
+    let csv: String = "frame,left_px,top_px,right_px,bottom_px\n".to_owned()
+        + &boxes()
+            .iter()
+            .enumerate()
+            .map(|(frame, [u0, v0, u1, v1])| format!("{frame},{u0},{v0},{u1},{v1}\n"))
+            .collect::<String>();
+    place.write("boxes.csv", csv);
+    place.track(scene()).fine();
+    let wanted = place.rows();
+    // Sides count from the image's border.
+    let annotations = boxes().into_iter().enumerate();
+    let annotations = annotations.map(|(frame, [u0, v0, u1, v1])| {
+        let bbox = [u0 + 0.5, v0 + 0.5, u1 - u0, v1 - v0];
+        serde_json::json!({ "image_id": frame, "category_id": 37, "bbox": bbox })
+    });
+    let annotations: Vec<_> = annotations.collect();
+    let images = (0..FRAMES).map(
+        |frame| serde_json::json!({ "id": frame, "file_name": format!("images/{frame:06}.jpg") }),
+    );
+    let set = serde_json::json!({
+        "images": images.collect::<Vec<_>>(),
+        "annotations": annotations,
+        "categories": [{ "id": 37, "name": "ball" }],
+    });
+    let results = serde_json::Value::Array(annotations).to_string();
+    for (text, class) in [(set.to_string(), "ball"), (results, "37")] {
+        place.write("boxes.json", text);
+        let named = scene()
+            .replace("boxes.csv", "boxes.json")
+            .replace("detector = {}", &format!("detector.class = {class:?}"));
+        place.track(named).fine();
+        let rows = place.rows();
+        assert_eq!(rows.len(), wanted.len());
+        for (row, wanted) in rows.iter().zip(&wanted) {
+            for column in [4, 5, 6] {
+                let [a, b] = [row, wanted].map(|row| row[column].parse::<f64>().unwrap());
+                assert!((a - b).abs() < 1e-6, "{row:?} {wanted:?}");
+            }
+        }
+    }
+    place.write("boxes.json", r#"[{"image_id":99,"bbox":[1,2,3,4]}]"#);
+    let run = place.track(scene().replace("boxes.csv", "boxes.json"));
+    let problem = "boxes.json, entry 1: image_id is 99, and no image of the camera";
+    assert!(
+        run.code == Some(2) && run.stderr.contains(problem),
+        "{}",
+        run.stderr
+    );
+}
+
+#[test]
 fn detections_are_those_of_the_frames_that_are_read() {
     let place = Workplace::with_frames(FRAMES);
     place.write("boxes.csv", file());

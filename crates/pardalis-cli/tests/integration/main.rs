@@ -3,6 +3,7 @@
 mod bad_input;
 mod bad_scene;
 mod calibrate;
+mod calibrate_rig;
 mod calibrate_time;
 mod calibration;
 mod camera;

@@ -13,6 +13,7 @@ plots belong to.
 The same images, seed and version give the same numbers.
 """
 
+from ._boxes import boxes_of_masks
 from ._pardalis import Camera, ColorModel, Estimate, Shape, Target, Tracker, __version__, read_image
 from ._program import Tracks, evaluate, read_tracks, run, simulate, track
 
@@ -25,6 +26,7 @@ __all__ = [
     "Tracker",
     "Tracks",
     "__version__",
+    "boxes_of_masks",
     "evaluate",
     "read_image",
     "read_tracks",

@@ -109,6 +109,16 @@ def _messages(text: str) -> list[str]:
 
 
 @dataclass(frozen=True)
+class Plot:
+    """A plot of a run, in an SVG file. Notebooks show it."""
+
+    path: Path
+
+    def _repr_svg_(self) -> str:
+        return self.path.read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True)
 class Tracks:
     """The tracks of a run: one row for each image (or images of one time) and target.
 
@@ -137,6 +147,11 @@ class Tracks:
         """Return the positions of a target in the world (N x 3, metres), NaN where it was not found."""
         rows = self.of(target)
         return np.stack([rows[name] for name in ("x_m", "y_m", "z_m")], axis=1)
+
+    @property
+    def plots(self) -> dict[str, Plot]:
+        """The plots of the run, by name: `above`, `side`, `3d`, `coordinates`. There are none with `plots=False`."""
+        return {path.stem: Plot(path) for path in sorted(self.folder.glob("*.svg"))}
 
     def __len__(self) -> int:
         return len(self.columns["frame"])

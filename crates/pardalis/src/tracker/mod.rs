@@ -363,6 +363,14 @@ impl Tracker {
             boxes: set.boxes(),
             time_s: set.time_s(),
         };
+        for &number in &*order {
+            let mut targets = self.targets.iter_mut();
+            let target = targets.find(|target| target.bodies.contains(&number));
+            if let Some(crowd) = target.and_then(|target| target.crowd.as_mut()) {
+                crowd.lend_search(&mut self.bodies, number);
+                self.bodies[number].claim(&instant);
+            }
+        }
         let mut is_complete = false;
         for &number in &*order {
             let is_free = self.bodies[number].is_free();
@@ -386,7 +394,7 @@ impl Tracker {
             let (updated, predicted) = others.around(order);
             let look_alikes = LookAlikes {
                 detected: &|number| others.get(number)?.detected(),
-                filter: &|number| others.get(number)?.filter(),
+                boxed: &|number| others.get(number)?.boxed(),
                 updated,
                 predicted,
             };
@@ -482,7 +490,7 @@ impl Tracker {
             let (updated, predicted) = others.around(group.expect("every body belongs to a group"));
             let look_alikes = LookAlikes {
                 detected: &|number| others.get(number)?.detected(),
-                filter: &|number| others.get(number)?.filter(),
+                boxed: &|number| others.get(number)?.boxed(),
                 updated,
                 predicted,
             };

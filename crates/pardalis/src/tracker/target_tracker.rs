@@ -16,7 +16,6 @@ use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
 use pardalis_filter::Particles;
-use pardalis_filter::bernoulli::BernoulliFilter;
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
 
@@ -184,12 +183,18 @@ impl TargetTracker {
         }
     }
 
-    /// Returns the filter of a target that may not exist.
-    pub(super) fn filter(&self) -> Option<&BernoulliFilter> {
+    /// Returns the target if another program detects it.
+    pub(super) fn boxed(&self) -> Option<&BoxedTarget> {
         match self {
-            Self::Detected(target) => Some(target.filter()),
-            Self::Boxed(target) => Some(target.filter()),
-            Self::Initialized(_) => None,
+            Self::Boxed(target) => Some(target),
+            Self::Detected(_) | Self::Initialized(_) => None,
+        }
+    }
+
+    /// Notes what it claims of an instant's boxes before any of those that look like it is updated.
+    pub(super) fn claim(&mut self, instant: &Instant) {
+        if let Self::Boxed(target) = self {
+            target.claim_predicted(instant);
         }
     }
 

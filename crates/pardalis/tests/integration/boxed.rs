@@ -405,6 +405,43 @@ fn two_balls_in_two_cameras_are_two_members() {
 }
 
 #[test]
+fn of_people_who_are_half_hidden_each_is_one_member() {
+    let views = webcams(2);
+    for seed in 1..4 {
+        let settings = TargetSettings::boxed_crowd(BoxedSettings::new(person()), 10);
+        let (mut tracker, target) = tracker(&views, settings, seed as u32);
+        let mut detector = Detector::usual(seed);
+        detector.false_per_image = 0.0;
+        for frame in 0..100 {
+            let time_s = frame as f64 / FPS;
+            let walk = 0.3 * time_s;
+            let places_m = [[-0.5 + walk, 1.0, 0.0], [0.6 - walk, 2.2, 0.0]];
+            let mut set = FrameSet::without_frames(time_s).unwrap();
+            for (camera, view) in views.iter().enumerate() {
+                let mut boxes = detector.detect(view, &person(), &places_m);
+                if camera == 1 {
+                    // A counter hides the legs: boxes end at the hips.
+                    let upper = |found: &ImageBox| {
+                        let [u0, v0, u1, v1] = found.sides_px();
+                        ImageBox::new([u0, v0, u1, v0 + 0.5 * (v1 - v0)]).unwrap()
+                    };
+                    boxes = boxes.iter().map(upper).collect();
+                }
+                set = set
+                    .with_boxes(CameraId::new(camera), target, boxes)
+                    .unwrap();
+            }
+            tracker.observe(&set).unwrap();
+            let members = tracker.members_at(target, time_s).unwrap();
+            let known: Vec<_> = members.filter_map(|m| m.estimate.kinematics).collect();
+            let seen = format!("seed {seed}, frame {frame}: {known:?}");
+            assert!(known.len() <= 2, "{seen}");
+            assert!(known.len() == 2 || frame < 10, "{seen}");
+        }
+    }
+}
+
+#[test]
 fn boxes_of_something_else_are_refused() {
     let views = webcams(1);
     let (mut tracker, target) = tracker(&views, BoxedSettings::new(ball()), 1);

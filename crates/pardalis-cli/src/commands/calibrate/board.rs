@@ -12,7 +12,7 @@ use super::fit::Fits;
 use super::images::{self, observations};
 use super::model::ModelOptions;
 use super::report::Report;
-use super::{output, rig};
+use super::{board_rig, output};
 use crate::board::parse_board;
 use crate::user_error::user_error;
 
@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let board = parse_board(&arguments.board)?;
     if !arguments.rig.is_empty() {
         let folder = output::folder(arguments.output.as_deref(), Path::new("rig"), "calibration");
-        return rig::run(&board, &arguments.model, &arguments.rig, &folder);
+        return board_rig::run(&board, &arguments.model, &arguments.rig, &folder);
     }
     let models = arguments.model.models()?;
     let mut files = Vec::new();

@@ -2,6 +2,8 @@
 
 mod board;
 mod board_checks;
+mod board_rig;
+mod board_rig_report;
 mod fit;
 mod images;
 mod model;
@@ -15,13 +17,12 @@ mod pose;
 mod print;
 mod report;
 mod rig;
-mod rig_report;
 mod time;
 mod trial;
 
 use anyhow::Result;
 
-/// Calibrates cameras: intrinsics, poses and rigs from boards or known points, the ground plane, mounts on robots, and time offsets
+/// Calibrates cameras: intrinsics, poses and rigs from boards, known points or a ball, the ground plane, mounts on robots, and time offsets
 #[derive(Debug, clap::Args)]
 #[command(arg_required_else_help = true)]
 #[command(after_help = "Examples, in the order of use:
@@ -31,6 +32,7 @@ use anyhow::Result;
   pardalis calibrate points points.csv --model all --size 640x480   lens and pose without a board
   pardalis calibrate plane images --size 2.0x1.5 -o floor       a floor from a rectangle on it, with an unknown camera
   pardalis calibrate mount scene.toml --target ball        a camera on a robot, from a ball at rest
+  pardalis calibrate rig scene.toml --corrected corrected.toml    several cameras, from a ball waved through the room
   pardalis calibrate time scene.toml --corrected corrected.toml   several cameras with unsynchronised clocks")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -45,6 +47,7 @@ enum Command {
     Mount(mount::Arguments),
     Plane(plane::Arguments),
     Print(print::Arguments),
+    Rig(rig::Arguments),
     Time(time::Arguments),
 }
 
@@ -57,6 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Command::Mount(arguments) => mount::run(arguments),
         Command::Plane(arguments) => plane::run(arguments),
         Command::Print(arguments) => print::run(arguments),
+        Command::Rig(arguments) => rig::run(arguments),
         Command::Time(arguments) => time::run(arguments),
     }
 }

@@ -32,7 +32,11 @@ impl Members {
         let named = |wanted: &dyn Fn(&str) -> bool, names: &[&str]| -> Vec<usize> {
             (0..names.len()).filter(|&i| wanted(names[i])).collect()
         };
-        let is_free = |object: &str| !tracks.contains(&object);
+        // A member's number says nothing of who it is.
+        let is_free = |object: &str| {
+            let mut others = tracks.iter().filter(|track| !is_member(track));
+            !others.any(|track| *track == object)
+        };
         let mut of_name = named(
             &|object| object.starts_with(name) && is_free(object),
             objects,
@@ -152,5 +156,26 @@ pub(super) fn find(
             tracks.join(", ")
         )),
         None => Ok(crowds),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_may_have_the_names_of_members() {
+        let tracks = ["person-1", "car", "person-64"];
+        let found = |objects: &[&str]| {
+            let members = Members::of("person", &tracks, objects);
+            (members.tracks, members.objects)
+        };
+        let both = vec![0, 2];
+        assert_eq!(
+            found(&["person-1", "person-2", "car"]),
+            (both.clone(), vec![0, 1])
+        );
+        // Without any of its name, all but occluders and the other target's.
+        assert_eq!(found(&["anna", "car", "occluder-1"]), (both, vec![0]));
     }
 }

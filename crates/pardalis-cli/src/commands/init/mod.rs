@@ -450,9 +450,9 @@ fn frames_of(input: &Path, camera: Option<&str>) -> PathBuf {
     }
 }
 
-/// Returns a path as written in the scene, which need not exist: relative to the scene's folder, so that both can be moved
+/// Returns a path as written in the scene `output`, which need not exist: relative to the scene's folder, so that both can be moved
 /// together; absolute only if they have no root in common, such as on two drives of Windows.
-fn shown_path(input: &Path, output: &Path) -> String {
+pub(crate) fn shown_path(input: &Path, output: &Path) -> String {
     let parent = output
         .parent()
         .filter(|p| !p.as_os_str().is_empty())

@@ -69,6 +69,8 @@ pub(super) struct BoxedTarget {
     member: Option<Member>,
     /// What became of each box of the latest frames.
     candidates: Vec<Candidate>,
+    /// Of each box of the instant, how much likelier it is this body's than clutter, times the probability that the body exists and is detected; empty where there is nobody.
+    claims: Vec<f64>,
     buffers: Buffers,
 }
 
@@ -145,6 +147,7 @@ impl BoxedTarget {
             near_m: shape.diameter_m(),
             member: None,
             candidates: Vec::new(),
+            claims: Vec::new(),
             buffers: Buffers::default(),
         })
     }
@@ -159,10 +162,6 @@ impl BoxedTarget {
 
     pub(super) fn particles(&self) -> &Particles {
         self.filter.particles()
-    }
-
-    pub(super) fn filter(&self) -> &BernoulliFilter {
-        &self.filter
     }
 
     /// Whether the boxes of both are the same.
@@ -197,6 +196,7 @@ impl BoxedTarget {
             self.propose(instant.views);
             self.update(instant);
             self.find(instant.views);
+            self.claim_boxes(instant.views);
         }
         let was_known = self.track.is_known();
         let confidence = self.confidence();
@@ -312,6 +312,7 @@ impl BoxedTarget {
         self.start = None;
         self.buffers.time_s = None;
         self.candidates.clear();
+        self.claims.clear();
         if let Some(member) = &mut self.member {
             *member = Member::default();
             self.set_births(

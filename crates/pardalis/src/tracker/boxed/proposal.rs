@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::fit::Body;
-use super::sight::{Fit, Sight};
+use super::sight::{Fit, Sight, clipped, sigma_px};
 use super::{BoxedTarget, Buffers, Meeting, upper};
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tracker::detected::{LookAlikes, assigned_nats};
@@ -18,6 +18,8 @@ const MEETING_DIAMETERS: f64 = 1.0;
 const MEETING_SQUARES: f64 = 12.0;
 /// A box that is less likely a body's by this because of others is theirs, nats. Hand-set.
 const TAKEN_NATS: f64 = 3.0;
+/// By how many particles a body's claims are computed. Hand-set: enough for the mean of a likelihood over its position.
+const CLAIMING_PARTICLES: usize = 100;
 
 impl BoxedTarget {
     /// Takes the boxes of an instant, with the positions that they measure. Members of a crowd have the same ones.
@@ -50,23 +52,58 @@ impl BoxedTarget {
         meet(&self.body, views, sights, (meetings, met));
     }
 
+    /// Notes what a member of a crowd claims of an instant's boxes before any of them is updated.
+    pub(in crate::tracker) fn claim_predicted(&mut self, instant: &Instant) {
+        self.claims.clear();
+        if !self.is_free() {
+            self.see(instant);
+            self.claim_boxes(instant.views);
+        }
+    }
+
+    /// Notes what the body claims of each box: by the same likelihood as that of the update, so that what speaks for one member speaks for no other.
+    pub(super) fn claim_boxes(&mut self, views: &[View]) {
+        let Buffers { sights, .. } = &mut self.buffers;
+        sights.iter_mut().for_each(|sight| sight.assign(0.0));
+        self.claims.clear();
+        self.claims.resize(sights.len(), 0.0);
+        let particles = self.filter.particles();
+        let [x, y, z] = particles.positions_m();
+        let stride = (particles.count() / CLAIMING_PARTICLES).max(1);
+        let all = self.filter.weights().iter().enumerate().step_by(stride);
+        let total: f64 = all.clone().map(|(_, weight)| weight).sum();
+        for (i, weight) in all {
+            let position_m = [x[i], y[i], z[i]].map(f64::from);
+            let share =
+                weight / total * self.filter.located() * self.detector.detection_probability;
+            for (camera, view) in views.iter().enumerate() {
+                let of_camera = |(_, sight): &(usize, &Sight)| sight.camera == camera;
+                let mut of_camera = sights.iter().enumerate().filter(of_camera).peekable();
+                if of_camera.peek().is_none() {
+                    continue;
+                }
+                let Some(sides_px) = self.body.outline.sides_px(view, position_m, 1.0) else {
+                    continue;
+                };
+                let body_px = clipped(sides_px, view.size());
+                let sigma_px = sigma_px(body_px, &self.detector);
+                for (number, sight) in of_camera {
+                    self.claims[number] += share * sight.ratio(body_px, sigma_px);
+                }
+            }
+        }
+    }
+
+    /// What it claims of the box with this number.
+    pub(in crate::tracker) fn claim(&self, number: usize) -> f64 {
+        self.claims.get(number).copied().unwrap_or(0.0)
+    }
+
     /// Notes which boxes may be another's.
     pub(super) fn assign(&mut self, look_alikes: &LookAlikes) {
-        for sight in &mut self.buffers.sights {
-            sight.assign(0.0);
-            let Some(fit) = &sight.fit else { continue };
-            let place_m = fit.position_m.into();
-            let others = look_alikes.densities(place_m, &fit.covariance_m2);
-            if others == [0.0; 2] {
-                continue;
-            }
-            let density = self.filter.predicted_density(place_m, &fit.covariance_m2);
-            let own = self.filter.located() * density;
-            // The density of clutter in the world, 1/m³ (1/m² on the ground).
-            let log_gain = sight.log_peak(fit.squares) + self.body.log_volume(&fit.covariance_m2);
-            let clutter = libm::exp(sight.log_odds - log_gain);
-            let likeness = libm::log(self.detector.detection_probability) + sight.log_odds;
-            sight.assign(assigned_nats(likeness, clutter, own, others));
+        for (number, sight) in self.buffers.sights.iter_mut().enumerate() {
+            let own = self.claims.get(number).copied().unwrap_or(0.0);
+            sight.assign(assigned_nats(0.0, 1.0, own, look_alikes.claims(number)));
         }
     }
 

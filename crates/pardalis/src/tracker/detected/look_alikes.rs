@@ -7,14 +7,14 @@ use nalgebra::Matrix3;
 
 use super::DetectedTarget;
 use crate::shape::Stance;
-use pardalis_filter::bernoulli::BernoulliFilter;
+use crate::tracker::boxed::BoxedTarget;
 
 /// The other targets that look like one, in the order in which they look at frames.
 pub(in crate::tracker) struct LookAlikes<'a> {
     /// The detected body of this number; `None` for an initialised one.
     pub(in crate::tracker) detected: &'a dyn Fn(usize) -> Option<&'a DetectedTarget>,
-    /// Its filter, if it has one of existence.
-    pub(in crate::tracker) filter: &'a dyn Fn(usize) -> Option<&'a BernoulliFilter>,
+    /// The boxed body of this number; `None` for others.
+    pub(in crate::tracker) boxed: &'a dyn Fn(usize) -> Option<&'a BoxedTarget>,
     /// The numbers of those that have been updated with this instant's frames.
     pub(in crate::tracker) updated: &'a [usize],
     /// The numbers of those that are only predicted.
@@ -48,15 +48,18 @@ impl<'a> LookAlikes<'a> {
     }
 
     /// The sum of the densities of updated and of predicted ones at a detection with this covariance, 1/m³ (1/m² on the ground).
-    pub(in crate::tracker) fn densities(
-        &self,
-        position_m: [f64; 3],
-        covariance_m2: &Matrix3<f64>,
-    ) -> [f64; 2] {
+    pub(super) fn densities(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> [f64; 2] {
         [self.updated, self.predicted].map(|numbers| {
-            let filters = numbers.iter().filter_map(|&number| (self.filter)(number));
-            let density = |filter| density(filter, position_m, covariance_m2);
-            filters.map(density).sum()
+            let density = |other: &DetectedTarget| other.density(position_m, covariance_m2);
+            self.targets(numbers).map(density).sum()
+        })
+    }
+
+    /// The sum of what updated and what predicted ones claim of the box with this number, as ratios to clutter.
+    pub(in crate::tracker) fn claims(&self, number: usize) -> [f64; 2] {
+        [self.updated, self.predicted].map(|numbers| {
+            let others = numbers.iter().filter_map(|&other| (self.boxed)(other));
+            others.map(|other| other.claim(number)).sum()
         })
     }
 }
@@ -69,10 +72,7 @@ impl DetectedTarget {
 
     /// Its predicted density at a detection with this covariance, times the probability that it exists, in 1/m³ (1/m² on the ground).
     pub(super) fn density(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> f64 {
-        density(&self.filter, position_m, covariance_m2)
+        let density = self.filter.predicted_density(position_m, covariance_m2);
+        self.filter.located() * density
     }
-}
-
-fn density(filter: &BernoulliFilter, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> f64 {
-    filter.located() * filter.predicted_density(position_m, covariance_m2)
 }

@@ -236,10 +236,6 @@ impl DetectedTarget {
         self.filter.particles()
     }
 
-    pub(super) fn filter(&self) -> &BernoulliFilter {
-        &self.filter
-    }
-
     /// Sets where the other landmarks of the target are, metres.
     pub(super) fn set_other_landmarks(&mut self, others_m: impl Iterator<Item = [f64; 3]>) {
         self.other_landmarks_m.clear();

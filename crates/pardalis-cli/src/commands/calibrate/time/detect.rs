@@ -17,19 +17,19 @@ use crate::output::warn;
 use crate::sight::Sight;
 use crate::source::{Delivery, Source};
 
-/// Returns what each camera detects of a body of these colours in each frame.
+/// Returns what each camera detects of a body of this shape in each frame.
 pub(in crate::commands::calibrate) fn detect(
     sources: &mut [Source],
     views: &[View],
-    body: &BodyConfig,
-    colors: &ColorModel,
+    shape: &Shape,
+    settings: &DetectedSettings,
 ) -> Result<Vec<Vec<DetectionFrame>>> {
     let counts = sources.iter().map(Source::frame_count);
     let bar = progress_bar(counts.sum());
     let of_camera = |(source, view): (&mut Source, &View)| {
         let mut setup = Tracker::builder();
         let camera = setup.camera(view.clone());
-        let target = setup.target(settings(body, colors));
+        let target = setup.target(settings.clone());
         let mut tracker = setup.build()?;
         let mut frames = Vec::new();
         for delivery in source {
@@ -45,8 +45,7 @@ pub(in crate::commands::calibrate) fn detect(
             // Without those before: where a target is predicted says something of where it is found.
             tracker.locate(&FrameSet::of(camera, frame), &[None], &PASSES_SIGMA_M)?;
             let candidates = tracker.candidates(target)?.flatten();
-            let detections =
-                candidates.filter_map(|candidate| detection(view, &body.shape, candidate));
+            let detections = candidates.filter_map(|candidate| detection(view, shape, candidate));
             frames.push(DetectionFrame {
                 time_s,
                 detections: detections.collect(),

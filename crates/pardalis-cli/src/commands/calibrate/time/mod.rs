@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis_calibrate::{MAX_TIME_OFFSET_S, TimedCamera, calibrate_time};
-use pardalis_scene::{Scene, TargetConfig, with_time_offsets};
+use pardalis_scene::{Scene, TargetConfig, with_camera_settings};
 
 use super::output;
 use crate::files::write_file;
@@ -15,7 +15,7 @@ use crate::output::{Shown, print};
 use crate::scene;
 use crate::scene_files::read_text;
 use crate::user_error::user_error;
-use detect::detect;
+use detect::{detect, settings};
 use report::Report;
 
 /// Estimates the time offsets between the cameras of a scene from a moving target
@@ -71,7 +71,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     };
     let colors = scene::colors(path, body)?;
     let views = open.tracker.views();
-    let frames = detect(&mut open.sources, views, body, &colors)?;
+    let detector = settings(body, &colors);
+    let frames = detect(&mut open.sources, views, &body.shape, &detector)?;
     let cameras: Vec<TimedCamera> = open
         .scene
         .cameras
@@ -101,7 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         written.push(file);
     }
     if let Some(corrected) = &arguments.corrected {
-        let text = with_time_offsets(&read_text(path)?, &report.offsets_s());
+        let text = with_camera_settings(&read_text(path)?, &report.camera_settings());
         let text = text.ok_or_else(|| {
             user_error!(
                 "{}: the layout of the file does not allow inserting the offsets; add them by hand:\n{}",
@@ -118,7 +119,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Requires a file in the scene's folder, because paths in a scene are relative to it.
-fn check_folder(scene: &Path, corrected: &Path) -> Result<()> {
+pub(super) fn check_folder(scene: &Path, corrected: &Path) -> Result<()> {
     let folder = |file: &Path| {
         let folder = file.parent().filter(|folder| *folder != Path::new(""));
         folder.unwrap_or(Path::new(".")).canonicalize().ok()
@@ -152,7 +153,7 @@ pub(super) fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result
 }
 
 /// Parses the largest offset in seconds.
-fn parse_offset(text: &str) -> Result<f64, String> {
+pub(super) fn parse_offset(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|offset_s: &f64| *offset_s > 0.0 && *offset_s <= MAX_TIME_OFFSET_S)

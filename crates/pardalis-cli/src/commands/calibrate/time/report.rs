@@ -4,7 +4,7 @@ use std::fmt::{self, Write as _};
 
 use anyhow::Result;
 use pardalis_calibrate::{FittedDetection, TemporalCalibration, TimedCamera};
-use pardalis_scene::Scene;
+use pardalis_scene::{CameraSetting, Scene};
 
 use super::super::page::{begin, push_paragraph, push_table};
 use super::super::report::{with_sigma, write_table};
@@ -65,10 +65,22 @@ impl<'a> Report<'a> {
     }
 
     /// Returns name and corrected time offset (seconds) of all cameras but the first.
-    pub(super) fn offsets_s(&self) -> Vec<(&'a str, f64)> {
+    fn offsets_s(&self) -> Vec<(&'a str, f64)> {
         let others = self.cameras.iter().skip(1);
         others
             .map(|camera| (camera.name, camera.corrected_s))
+            .collect()
+    }
+
+    /// Returns the corrected offsets as settings of a scene.
+    pub(super) fn camera_settings(&self) -> Vec<CameraSetting<'a>> {
+        let offsets_s = self.offsets_s().into_iter();
+        offsets_s
+            .map(|(camera, offset_s)| CameraSetting {
+                camera,
+                key: "time_offset_s",
+                value: offset_s.into(),
+            })
             .collect()
     }
 

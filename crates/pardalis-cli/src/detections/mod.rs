@@ -1,6 +1,10 @@
 //! What another program detected in the images of a scene's cameras, read from files.
 
+pub(crate) mod coco;
+
 use std::collections::HashMap;
+use std::fmt;
+use std::fs;
 use std::path::Path;
 
 use anyhow::Result;
@@ -20,6 +24,9 @@ pub(crate) const MOT_COLUMNS: [&str; 10] = [
 
 /// The columns of files with a header.
 const COLUMNS: &str = "frame,left_px,top_px,right_px,bottom_px or frame,u_px,v_px,radius_px, and optionally class and score";
+
+/// The largest file in the format of COCO. Derivation: masks of a long video, and no computer's memory.
+const MAX_JSON_BYTES: u64 = 512 << 20;
 
 /// Classes of a file that a message names.
 const NAMED_CLASSES: usize = 10;
@@ -51,7 +58,32 @@ pub(crate) struct Found {
     /// `None` if the file has no classes.
     class: Option<String>,
     pub(crate) found: ImageBox,
-    line: u64,
+    place: Place,
+}
+
+/// Where a box stands in its file, from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Line(u64),
+    Entry(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(number) => write!(f, "line {number}"),
+            Self::Entry(number) => write!(f, "entry {number}"),
+        }
+    }
+}
+
+/// The images of a camera.
+pub(crate) struct Images {
+    pub(crate) size_px: (usize, usize),
+    /// How many are read, if that is known.
+    pub(crate) count: Option<usize>,
+    /// The names of those of a folder, from its first one on.
+    pub(crate) names: Option<Vec<String>>,
 }
 
 impl Detections {
@@ -117,23 +149,28 @@ fn class_of(target: &TargetConfig) -> Option<&str> {
 }
 
 impl CameraDetections {
-    /// Reads the file of a camera that has images of this size and this number of frames, if that is known.
+    /// Reads the file of a camera.
     pub(crate) fn read(
         path: &Path,
         camera: &CameraConfig,
         targets: &[TargetConfig],
-        (size_px, frame_count): ((usize, usize), Option<usize>),
+        images: &Images,
     ) -> Result<Self> {
-        let all = boxes_in(&Table::read_with_or_without_header(path, &MOT_COLUMNS)?)?;
+        let all = if path.extension().is_some_and(|ending| ending == "json") {
+            coco::boxes_in(path, &read_json(path)?, images.names.as_deref())?
+        } else {
+            boxes_in(&Table::read_with_or_without_header(path, &MOT_COLUMNS)?)?
+        };
+        let size_px = images.size_px;
         let last = all.iter().max_by_key(|found| found.frame);
         let range = camera.frames;
-        if let (Some(last), Some(count), true) = (last, frame_count, range == FrameRange::ALL)
+        if let (Some(last), Some(count), true) = (last, images.count, range == FrameRange::ALL)
             && last.frame >= count
         {
             return Err(user_error!(
-                "{}, line {}: frame {}, but the camera has {}, which count from 0; give the file of these images",
+                "{}, {}: frame {}, but the camera has {}, which count from 0; give the file of these images",
                 path.shown(),
-                last.line,
+                last.place,
                 last.frame,
                 counted(count as u64, "image")
             ));
@@ -169,7 +206,7 @@ impl CameraDetections {
         let has_classes = all.iter().any(|found| found.class.is_some());
         if classes.len() > 1 && !has_classes {
             return Err(user_error!(
-                "{}: has no column class, and {} targets have a detector; add one, with the targets' names",
+                "{}: has no classes, and {} targets have a detector; add a column class with the targets' names, or category_id",
                 path.shown(),
                 classes.len()
             ));
@@ -184,6 +221,18 @@ impl CameraDetections {
             classes: others,
         })
     }
+}
+
+fn read_json(path: &Path) -> Result<Vec<u8>> {
+    let failed = |error| user_error!("{}: cannot be read: {error}", path.shown());
+    let length = fs::metadata(path).map_err(failed)?.len();
+    if length > MAX_JSON_BYTES {
+        return Err(user_error!(
+            "{}: has {length} bytes; allowed: at most {MAX_JSON_BYTES}; keep the boxes of this camera only, without masks",
+            path.shown()
+        ));
+    }
+    fs::read(path).map_err(failed)
 }
 
 /// Returns whether most of a box is outside of images of this size.
@@ -231,7 +280,7 @@ pub(crate) fn boxes_in(table: &Table) -> Result<Vec<Found>> {
                 .map(|class| row.text(class).map(str::to_owned))
                 .transpose()?,
             found: found.map_err(|error| user_error!("{}: {error}", row.place()))?,
-            line: row.line,
+            place: Place::Line(row.line),
         })
     };
     table.rows().map(found).collect()
@@ -259,7 +308,7 @@ fn mot_box(table: &Table, row: &Row) -> Result<Found> {
         frame,
         class: None,
         found: found.with_score(score).unwrap_or(found),
-        line: row.line,
+        place: Place::Line(row.line),
     })
 }
 
@@ -301,7 +350,10 @@ mod tests {
             (found[0].found.score(), found[1].found.score()),
             (Some(0.8), None)
         );
-        assert_eq!((found[1].line, found[0].class.as_deref()), (2, None));
+        assert_eq!(
+            (found[1].place, found[0].class.as_deref()),
+            (Place::Line(2), None)
+        );
     }
 
     #[test]

@@ -8,10 +8,10 @@ use pardalis_calibrate::{RigCamera, calibrate_rig};
 use pardalis_scene::calibration;
 
 use super::board_checks::{check_found, side_note};
+use super::board_rig_report::RigReport;
 use super::fit::Fits;
 use super::model::ModelOptions;
 use super::report::Report;
-use super::rig_report::RigReport;
 use super::{images, output};
 use crate::files::write_file;
 use crate::output::print;

@@ -1,0 +1,199 @@
+//! Where the world of a calibrated rig is: as in the scene, by known points, by places of the ball, or by a board.
+
+use std::path::Path;
+
+use anyhow::Result;
+use pardalis_calibrate::board::{Board, detect};
+use pardalis_calibrate::{
+    BallRigCalibration, Correspondence, RigAlignment, RigSight, align_to_places, align_to_points,
+};
+use pardalis_camera::Pose;
+use pardalis_scene::Scene;
+
+use super::super::observations::{self, Columns};
+use crate::draw::picture::picture_of;
+use crate::output::Shown;
+use crate::source::{Delivery, Source};
+use crate::tables::Table;
+use crate::user_error::user_error;
+
+/// Number of frames of each camera that are searched for a board.
+const BOARD_FRAMES: usize = 10;
+
+/// Standard deviation of all lengths from errors that the outlines of the ball share, as a share of them.
+const OUTLINE_SIGMA: f64 = 0.005;
+
+/// The ball.
+pub(super) struct Ball {
+    pub(super) radius_m: f64,
+    /// Standard deviation of its radius, as a share of it.
+    pub(super) tolerance: f64,
+}
+
+/// What is known of the world.
+pub(super) enum Alignment {
+    /// What the scene says.
+    Scene,
+    /// Points that each camera sees, and where they are described.
+    Points(String, Vec<Vec<Correspondence>>),
+    /// Times in seconds and places of the ball's centre in metres, and where they are described.
+    Places(String, Vec<(f64, [f64; 3])>),
+}
+
+/// The world of a rig.
+pub(super) struct World {
+    pub(super) aligned: RigAlignment,
+    /// What says where the world is.
+    pub(super) because: String,
+}
+
+impl Alignment {
+    /// Reads known points, if there are any.
+    pub(super) fn read(points: Option<&Path>, scene: &Scene) -> Result<Self> {
+        let Some(path) = points else {
+            return Ok(Self::Scene);
+        };
+        let table = Table::read(path)?;
+        if table.optional_column("time_s").is_some() {
+            let columns = table.columns(["time_s", "x_m", "y_m", "z_m"])?;
+            let place = |row: crate::tables::Row| {
+                let [time_s, x, y, z] = row.numbers(columns)?;
+                anyhow::Ok((time_s, [x, y, z]))
+            };
+            let places = table.rows().map(place).collect::<Result<_>>()?;
+            return Ok(Self::Places(path.shown(), places));
+        }
+        table.column("view")?;
+        let seen = observations::read_table(&table, &Columns::default())?;
+        let mut points = vec![Vec::new(); scene.cameras.len()];
+        for view in seen.views {
+            let camera = scene.cameras.iter().position(|c| c.name == view.name);
+            let Some(camera) = camera else {
+                let names: Vec<&str> = scene.cameras.iter().map(|c| &*c.name).collect();
+                return Err(user_error!(
+                    "{}: view {:?} is no camera of the scene; allowed: {}",
+                    path.shown(),
+                    view.name,
+                    names.join(", ")
+                ));
+            };
+            points[camera] = view.correspondences;
+        }
+        Ok(Self::Points(path.shown(), points))
+    }
+
+    /// Searches the first frames of each camera for a board.
+    pub(super) fn on_board(sources: &mut [Source], board: &Board) -> Result<Self> {
+        let mut points = Vec::new();
+        let mut last = String::new();
+        for source in sources {
+            let mut corners = Vec::new();
+            for delivery in source.take(BOARD_FRAMES) {
+                let Delivery::Frame { frame, .. } = delivery? else {
+                    continue;
+                };
+                match detect(board, &picture_of(&frame).to_grey()) {
+                    Ok(found) => {
+                        corners = found;
+                        break;
+                    }
+                    Err(reason) => last = reason.to_string(),
+                }
+            }
+            let correspondences = corners.iter().map(|corner| Correspondence {
+                point_m: corner.board_m,
+                pixel: corner.pixel,
+            });
+            points.push(correspondences.collect::<Vec<_>>());
+        }
+        if points.iter().all(Vec::is_empty) {
+            return Err(user_error!(
+                "--board: no camera shows the board in its first {BOARD_FRAMES} images ({last}); lay it where one of them sees it wholly before the recording begins, or check its description"
+            ));
+        }
+        Ok(Self::Points("the board".to_owned(), points))
+    }
+
+    /// Returns where the world of a rig is.
+    pub(super) fn world(
+        &self,
+        scene: &Scene,
+        found: &BallRigCalibration,
+        ball: &Ball,
+    ) -> Result<World> {
+        let of = |place: &str, aligned: RigAlignment, rms: String| World {
+            aligned,
+            because: format!("{place} says where the world is; {rms} remain (root mean square)"),
+        };
+        let scale_sigma = libm::hypot(ball.tolerance, OUTLINE_SIGMA);
+        match self {
+            Self::Scene => Ok(world_of_scene(scene, found)),
+            Self::Points(place, points) => {
+                let sights = found.cameras.iter().zip(points);
+                let sights: Vec<RigSight> = sights
+                    .map(|(camera, points)| RigSight {
+                        camera: &camera.camera,
+                        rig_from_camera: camera.world_from_camera,
+                        correspondences: points.clone(),
+                    })
+                    .collect();
+                let aligned = align_to_points(&sights, scale_sigma)
+                    .map_err(|refusal| user_error!("{place}: {refusal}"))?;
+                Ok(of(place, aligned, format!("{:.2} px", aligned.rms)))
+            }
+            Self::Places(place, places) => {
+                let aligned = align_to_places(&found.path_m, ball.radius_m, places, scale_sigma)
+                    .map_err(|refusal| user_error!("{place}: {refusal}"))?;
+                Ok(of(place, aligned, format!("{:.1} mm", 1e3 * aligned.rms)))
+            }
+        }
+    }
+}
+
+/// Returns the world in which the first camera with a pose has it; without one, the frame of the first camera.
+fn world_of_scene(scene: &Scene, found: &BallRigCalibration) -> World {
+    let posed = scene.cameras.iter().zip(&found.cameras);
+    let posed: Vec<(&pardalis_scene::CameraConfig, Pose)> = posed
+        .filter(|(config, _)| config.has_pose)
+        .map(|(config, camera)| (config, camera.world_from_camera))
+        .collect();
+    let Some((first, rig_from_camera)) = posed.first() else {
+        let name = &scene.cameras[0].name;
+        return World {
+            aligned: rigid(Pose::identity(), None),
+            because: format!(
+                "the frame of {name} is the world (x right, y down, z forward), because nothing says where else it is: give {name} a pose, or use --points or --board"
+            ),
+        };
+    };
+    // The cameras' distances from their middle tell the scale.
+    let spread_m = |of: &dyn Fn(&(&pardalis_scene::CameraConfig, Pose)) -> Pose| {
+        let places = posed.iter().map(|camera| of(camera).translation.vector);
+        let middle = places.clone().sum::<nalgebra::Vector3<f64>>() / posed.len() as f64;
+        places
+            .map(|place| (place - middle).norm_squared())
+            .sum::<f64>()
+            .sqrt()
+    };
+    let (given_m, found_m) = (
+        spread_m(&|(config, _)| config.world_from_camera),
+        spread_m(&|(_, pose)| *pose),
+    );
+    World {
+        aligned: rigid(
+            first.world_from_camera * rig_from_camera.inverse(),
+            (posed.len() > 1).then(|| [given_m / found_m, 0.0]),
+        ),
+        because: format!("{} keeps the pose that it has in the scene", first.name),
+    }
+}
+
+/// Returns an alignment that keeps the lengths of the rig.
+fn rigid(world_from_rig: Pose, scale: Option<[f64; 2]>) -> RigAlignment {
+    RigAlignment {
+        world_from_rig,
+        rms: 0.0,
+        scale,
+        is_scaled: false,
+    }
+}
