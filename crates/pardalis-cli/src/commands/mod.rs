@@ -14,3 +14,4 @@ pub(crate) mod measure;
 pub(crate) mod rectify;
 pub(crate) mod simulate;
 pub(crate) mod track;
+pub(crate) mod view;

@@ -33,6 +33,7 @@ use crate::files::refuse_links;
 use crate::interrupt;
 use crate::output::warn;
 use crate::platforms;
+use crate::report::{self, PageCamera, PageScene};
 use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
@@ -49,6 +50,7 @@ use recorder::Recorder;
 use rows::Rows;
 pub(crate) use series::{CrowdCounts, SeriesCollector, truth_series};
 use smoothed::SmoothedTracks;
+pub(crate) use summary::FILE as SUMMARY;
 pub(crate) use tracked::Tracked;
 
 /// Where results go, and optional outputs.
@@ -72,6 +74,8 @@ pub(crate) struct Options {
     pub(crate) smooth: bool,
     /// Whether to draw plots.
     pub(crate) plots: bool,
+    /// Whether to write a page that shows the tracks; needs a folder.
+    pub(crate) report: bool,
     /// Whether to show a progress bar on a terminal.
     pub(crate) progress: bool,
     /// What becomes of the rows of an earlier run in the same place, and of their summary.
@@ -320,8 +324,10 @@ pub(crate) fn run_steps(
         files.extend(crossing_rows.map(|rows| rows.path().to_owned()));
         files.extend(candidate_rows.map(|rows| rows.path().to_owned()));
         files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
-        files.extend(options.particles.clone());
-        files.extend(options.mcap.clone());
+        files.extend(options.particles.iter().chain(&options.mcap).cloned());
+        if options.report {
+            files.push(write_report(folder, scene_path, &open, &series)?);
+        }
         Ok(())
     };
     let finished = finish();
@@ -335,6 +341,28 @@ pub(crate) fn run_steps(
         missed,
         files,
     })
+}
+
+/// Writes the page of the results in a folder, and returns its name.
+fn write_report(
+    folder: &Path,
+    scene_path: &Path,
+    open: &OpenScene,
+    series: &SeriesCollector,
+) -> Result<PathBuf> {
+    let views = open.tracker.views().iter().enumerate();
+    let cameras = views.map(|(number, view)| PageCamera {
+        size_px: Some(view.size()),
+        path: series.poses(number).to_vec(),
+    });
+    let cameras: Vec<_> = cameras.collect();
+    let scene = PageScene::new(report::title(scene_path), &open.scene, &cameras);
+    let summary = serde_json::from_slice(&std::fs::read(folder.join(summary::FILE))?)?;
+    let (path, rows) = (folder.join(report::REPORT), folder.join(ROWS));
+    // A crowd without members has none.
+    let rows = previous::has_rows(&rows).then_some(&*rows);
+    report::write(&path, (rows, folder), scene, Some(&summary), Vec::new())?;
+    Ok(path)
 }
 
 /// Makes sure that results replace nothing but those of an earlier run, and keeps its rows if that is asked for.
@@ -367,16 +395,18 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
 const ROWS: &str = "tracks.csv";
 
 /// The files of results in a folder, besides pictures and particles.
-const RESULTS: [&str; 6] = [
+const RESULTS: [&str; 8] = [
     ROWS,
     summary::FILE,
     CandidateRows::FILE,
     CrossingRows::FILE,
     smoothed::FILTERED,
     smoothed::EVENTS,
+    report::REPORT,
+    report::VIEW,
 ];
 
-/// Removes the summary, the pictures, the candidates, the unsmoothed rows, the events and the particles of an earlier run, which would not be of
+/// Removes the summary, the pictures, the pages, the candidates, the unsmoothed rows, the events and the particles of an earlier run, which would not be of
 /// the new rows.
 fn remove_old(folder: &Path) {
     let plots = TRACK_PLOTS
