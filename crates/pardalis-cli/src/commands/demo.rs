@@ -6,6 +6,7 @@ use anyhow::Result;
 
 use super::{evaluate, track};
 use crate::arguments::Threads;
+use crate::interrupt::Stop;
 use crate::output::{Shown, print};
 use crate::program_file;
 use crate::tables;
@@ -42,6 +43,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         progress: true,
         previous: Previous::Replace,
         limit: Limit::default(),
+        stop: Stop::default(),
+        watch: None,
     };
     print(format!(
         "tracking an orange ball through {}",

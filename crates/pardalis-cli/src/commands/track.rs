@@ -7,6 +7,7 @@ use anyhow::{Result, anyhow};
 use pardalis::TargetId;
 
 use crate::arguments::Threads;
+use crate::interrupt::Stop;
 use crate::numbers::counted;
 use crate::output::{Shown, note, print};
 use crate::platforms;
@@ -161,6 +162,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             frame_sets: arguments.frames.map(NonZeroUsize::get),
             duration_s: arguments.duration_s,
         },
+        stop: Stop::default(),
+        watch: None,
     };
     let run = tracking::run(&arguments.scene, &options)?;
     let warnings = warnings(&run);
@@ -218,7 +221,7 @@ fn reasons(run: &Run, number: usize) -> Vec<String> {
 }
 
 /// Returns warnings about problems that may have impaired the results, one per line.
-fn warnings(run: &Run) -> String {
+pub(crate) fn warnings(run: &Run) -> String {
     use std::fmt::Write as _;
     let mut text = String::new();
     let records = run.open.sources.iter().zip(&run.outcome.cameras);

@@ -5,6 +5,7 @@ mod annotate;
 mod candidate_rows;
 mod crossing_rows;
 mod frame_sets;
+mod marks;
 mod merge;
 pub(crate) mod missed;
 mod particle_rows;
@@ -17,6 +18,8 @@ mod series;
 mod smoothed;
 mod summary;
 mod tracked;
+#[cfg_attr(not(feature = "studio"), path = "without_watch.rs")]
+mod watch;
 
 use std::path::{Path, PathBuf};
 
@@ -30,7 +33,7 @@ use crate::arguments::Threads;
 use crate::detections::Detections;
 use crate::draw::plots::TRACK_PLOTS;
 use crate::files::refuse_links;
-use crate::interrupt;
+use crate::interrupt::{self, Stop};
 use crate::output::warn;
 use crate::platforms;
 use crate::scene::{self, OpenScene};
@@ -50,6 +53,7 @@ use rows::Rows;
 pub(crate) use series::{CrowdCounts, SeriesCollector, truth_series};
 use smoothed::SmoothedTracks;
 pub(crate) use tracked::Tracked;
+pub(crate) use watch::Watch;
 
 /// Where results go, and optional outputs.
 #[derive(Debug, Clone)]
@@ -78,6 +82,10 @@ pub(crate) struct Options {
     pub(crate) previous: Previous,
     /// When to end before the frames do.
     pub(crate) limit: Limit,
+    /// Ends the run as an interrupt does.
+    pub(crate) stop: Stop,
+    /// What shows the run while it goes on.
+    pub(crate) watch: Option<Watch>,
 }
 
 /// Whether to write annotated frames, and what they show beside estimates.
@@ -121,6 +129,8 @@ pub(crate) struct Instant<'a> {
     pub(crate) tracker: &'a Tracker,
     /// Each target, and each member of a crowd that is there.
     pub(crate) tracked: &'a [Tracked],
+    /// How long tracking took, in seconds.
+    pub(crate) tracking_s: f64,
 }
 
 impl Instant<'_> {
@@ -263,6 +273,10 @@ pub(crate) fn run_steps(
         Some(path) => Some(Recorder::create(path, &open.scene)?),
         None => None,
     };
+    let mut watched = match &options.watch {
+        Some(watch) => Some(watch.sink(&open.scene)),
+        None => None,
+    };
     let mut series = SeriesCollector::new(&open.scene);
     let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
     let mut missed = MissedFrames::of(&open.scene.targets);
@@ -288,6 +302,9 @@ pub(crate) fn run_steps(
     }
     if let Some(recorder) = &mut recorder {
         sinks.others.push(recorder);
+    }
+    if let Some(watched) = &mut watched {
+        sinks.others.push(watched);
     }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
     let mut files = Vec::new();
@@ -444,9 +461,15 @@ fn track(
     let is_live = open.sources.iter().any(Source::is_live);
     let mut failures = Vec::new();
     let delay_s = open.scene.max_delay_s;
-    let mut frame_sets = FrameSets::new(&mut open.sources, names, delay_s, options.limit);
+    let mut frame_sets = FrameSets::new(
+        &mut open.sources,
+        names,
+        delay_s,
+        options.limit,
+        options.stop.clone(),
+    );
     let ended_by = loop {
-        if interrupt::requested() {
+        if options.stop.is_requested() {
             outcome.interrupted = true;
             // Nothing else ends most live sessions.
             if is_live && outcome.frame_sets > 0 {
@@ -460,7 +483,7 @@ fn track(
         let watch = Stopwatch::start();
         let Some(set) = frame_sets.next() else {
             // An interrupt also ends the wait for live cameras.
-            if interrupt::requested() {
+            if options.stop.is_requested() {
                 continue;
             }
             break None;
@@ -477,7 +500,8 @@ fn track(
             Err(error) => break Some(error),
         };
         outcome.frame_sets += 1;
-        outcome.tracking_s += watch.elapsed_s();
+        let tracking_s = watch.elapsed_s();
+        outcome.tracking_s += tracking_s;
 
         let watch = Stopwatch::start();
         let instant = Instant {
@@ -486,6 +510,7 @@ fn track(
             frames: &set.frames,
             tracker: &open.tracker,
             tracked: &tracked,
+            tracking_s,
         };
         let failed_before = failures.len();
         if let Err(error) = sinks.take(&instant, &mut failures) {

@@ -7,7 +7,7 @@ use pardalis::shape::Stance;
 use pardalis::tracker::DetectedSettings;
 use pardalis::view::View;
 use pardalis::{Frame, FrameSet, Tracker};
-use pardalis_camera::{Pinhole, Pose};
+use pardalis_camera::{Mask, Pinhole, Pose};
 
 use super::balls::{Circle, labelled_balls};
 use super::inputs::LabelledFile;
@@ -77,11 +77,11 @@ impl Check {
             if labels.is_empty() {
                 return Ok(ImageCheck::NoBall);
             }
-            let found = detect(&frame, model, LearntEdge::Used)?;
+            let found = detect(&frame, model, LearntEdge::Used, None)?;
             if let Some(Found { circle, .. }) = &found {
                 labels.sort_by(|a, b| a.radii_to(circle).total_cmp(&b.radii_to(circle)));
             }
-            let outline = detect(&frame, model, LearntEdge::Ignored)?.map(|found| found.circle);
+            let outline = detect(&frame, model, LearntEdge::Ignored, None)?.map(|found| found.circle);
             Ok(ImageCheck::Ball {
                 outline: outline.filter(|outline| labels[0].radii_to(outline) <= 1.0),
                 labels,
@@ -198,7 +198,7 @@ fn shift_of(offset: f64) -> Option<f64> {
 
 /// Whether the detector uses the edge profile of the model, or a general soft edge.
 #[derive(Clone, Copy, PartialEq)]
-enum LearntEdge {
+pub(super) enum LearntEdge {
     Used,
     Ignored,
 }
@@ -206,8 +206,14 @@ enum LearntEdge {
 /// By how much outlines may deviate from those of the guessed camera, pixels: a fisheye lens changes a ball far off its axis by a tenth.
 const TOLERANCE_PX: f32 = 1.5;
 
-/// Detects a ball as in the first frame of a track, with default settings except that the camera is a guess.
-fn detect(frame: &Frame, model: &ColorModel, edge: LearntEdge) -> Result<Option<Found>> {
+/// Detects a ball as in the first frame of a track, with default settings except that the camera is a guess. With a mask, it is looked for only
+/// there.
+pub(super) fn detect(
+    frame: &Frame,
+    model: &ColorModel,
+    edge: LearntEdge,
+    mask: Option<Mask>,
+) -> Result<Option<Found>> {
     let size = (frame.width(), frame.height());
     let focal_px = focal_length_px(size, TYPICAL_FOV_DEG);
     let lens = Pinhole::new([focal_px; 2], middle_px(size), &[])?;
@@ -216,7 +222,7 @@ fn detect(frame: &Frame, model: &ColorModel, edge: LearntEdge) -> Result<Option<
     ball.tuning.edge.judged_tolerance_px = TOLERANCE_PX;
     let shape = ball.shape;
     let mut setup = Tracker::builder();
-    let camera = setup.camera(View::new(lens, Pose::identity(), size, None)?);
+    let camera = setup.camera(View::new(lens, Pose::identity(), size, mask)?);
     let target = setup.target(ball);
     let mut tracker = setup.build()?;
     tracker.observe(&FrameSet::of(camera, frame.clone()))?;

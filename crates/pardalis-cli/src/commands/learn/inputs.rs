@@ -94,6 +94,16 @@ impl fmt::Display for LabelledFile {
 }
 
 impl LabelledFile {
+    /// Labels a frame of a video, or one of a camera, with its number.
+    #[cfg(feature = "studio")]
+    pub(super) fn of_frame(path: PathBuf, number: usize, frame: Frame, labels: Vec<Label>) -> Self {
+        Self {
+            path,
+            frame: Some(VideoFrame { number, frame }),
+            labels,
+        }
+    }
+
     /// Returns the name of the image file, or of the video with the number of the frame: with as many folders before it as tell it from
     /// these others.
     pub(super) fn name_among(&self, files: &[Self]) -> String {

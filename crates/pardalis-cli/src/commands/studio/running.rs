@@ -1,0 +1,154 @@
+//! A run of the scene, on a thread of its own.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::thread::JoinHandle;
+
+use anyhow::{Context as _, Result};
+use pardalis_scene::Scene;
+use serde_json::{Value, json};
+
+use super::session::Session;
+use crate::arguments::Threads;
+use crate::commands::track;
+use crate::interrupt::Stop;
+use crate::output::Shown as _;
+use crate::scene;
+use crate::tracking::{self, Annotate, Limit, Options, Output, Previous, Watch};
+use crate::user_error::user_error;
+
+/// A run, or what came of it.
+pub(super) struct Running {
+    pub(super) watch: Watch,
+    stop: Stop,
+    /// The folder of its results.
+    folder: PathBuf,
+    outcome: Arc<Mutex<Option<Outcome>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What came of a run.
+#[derive(Debug, Clone)]
+enum Outcome {
+    /// The results, in words.
+    Done(String),
+    /// Why it failed.
+    Failed(String),
+}
+
+impl Running {
+    fn start(path: &Path, scene: Scene, watch: Watch, ended: impl FnOnce() + Send + 'static) -> Result<Self> {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let folder = path.with_file_name(format!("{stem}-tracks"));
+        let stop = Stop::default();
+        let outcome = Arc::new(Mutex::new(None));
+        let options = Options {
+            output: Output::Folder(folder.clone()),
+            seed: None,
+            threads: Threads::default(),
+            annotate: Annotate::No,
+            explain: true,
+            particles: None,
+            mcap: None,
+            smooth: false,
+            plots: true,
+            progress: false,
+            previous: Previous::Keep,
+            limit: Limit::default(),
+            stop: stop.clone(),
+            watch: Some(watch.clone()),
+        };
+        let path = path.to_owned();
+        let result = Arc::clone(&outcome);
+        let thread = std::thread::Builder::new().name("run".to_owned()).spawn(move || {
+            let run = tracking::run_scene(&path, scene, &options);
+            let outcome = match run {
+                Ok(run) => Outcome::Done(format!("{}\n{}", track::warnings(&run), track::summary(&run))),
+                // Stopped before its end, it has results nevertheless.
+                Err(error) => Outcome::Failed(format!("{error:#}")),
+            };
+            *result.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
+            ended();
+        });
+        Ok(Self {
+            watch,
+            stop,
+            folder,
+            outcome,
+            thread: Some(thread.context("no further thread can be started")?),
+        })
+    }
+
+    fn outcome(&self) -> Option<Outcome> {
+        let outcome = self.outcome.lock().unwrap_or_else(PoisonError::into_inner);
+        outcome.clone()
+    }
+
+    /// Reports whether it has not ended yet.
+    pub(super) fn goes_on(&self) -> bool {
+        self.outcome().is_none()
+    }
+
+    /// Returns what the page shows of it.
+    pub(super) fn about(&self) -> Value {
+        let (done, failed) = match self.outcome() {
+            Some(Outcome::Done(text)) => (Some(text), None),
+            Some(Outcome::Failed(text)) => (None, Some(text)),
+            None => (None, None),
+        };
+        json!({
+            "goes_on": self.goes_on(),
+            "folder": self.folder.shown(),
+            "report": done.map(|text| text.trim().to_owned()),
+            "error": failed,
+        })
+    }
+}
+
+impl Session {
+    /// Starts to track the scene as it is, saved or not.
+    pub(super) fn track(&self) -> Result<()> {
+        let mut inner = self.inner();
+        if inner.running.as_ref().is_some_and(Running::goes_on) {
+            return Err(user_error!("a run goes on; stop it first"));
+        }
+        let path = inner.project.path().to_owned();
+        let text = Arc::clone(&inner.project.now().text);
+        let scene = scene::parse(&text, &path, &toml::Table::new())?;
+        // Live cameras can be open only once.
+        inner.players.retain(|_, player| !player.is_live());
+        let session = Weak::clone(&self.me);
+        let ended = move || {
+            if let Some(session) = session.upgrade() {
+                session.follow();
+                session.tell();
+            }
+        };
+        inner.running = Some(Running::start(&path, scene, Watch::of(&self.feed), ended)?);
+        Ok(())
+    }
+
+    /// Waits for the end of the run.
+    pub(super) fn wait(&self) {
+        let running = self.inner().running.take();
+        if let Some(thread) = running.and_then(|running| running.thread) {
+            // A panic has been reported.
+            let _ = thread.join();
+        }
+    }
+
+    /// Ends the run; its results are complete.
+    pub(super) fn stop(&self) {
+        if let Some(running) = &self.inner().running {
+            running.stop.request();
+        }
+    }
+
+    /// Returns rows of the run.
+    pub(super) fn rows(&self, from: usize) -> Value {
+        match &self.inner().running {
+            Some(running) => running.watch.rows_from(from),
+            None => json!({ "first": from, "next": from, "targets": {} }),
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! In place of `watch.rs` in programs that are built without the studio: nothing is shown.
+
+use anyhow::Result;
+use pardalis_scene::Scene;
+
+use super::{Instant, Sink};
+
+/// Nothing that shows a run.
+#[derive(Debug, Clone)]
+pub(crate) enum Watch {}
+
+impl Watch {
+    pub(super) fn sink(&self, _: &Scene) -> WatchSink {
+        match *self {}
+    }
+}
+
+/// No run that is shown.
+pub(crate) enum WatchSink {}
+
+impl Sink for WatchSink {
+    fn take(&mut self, _: &Instant) -> Result<()> {
+        match *self {}
+    }
+}
