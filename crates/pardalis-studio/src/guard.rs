@@ -45,8 +45,7 @@ impl Guard {
         let token = self.token.as_ref()?;
         let given = query?.strip_prefix("token=")?;
         let name = self.cookie_name();
-        is_same(given, token)
-            .then(|| format!("{name}={token}; Path=/; HttpOnly; SameSite=Strict"))
+        is_same(given, token).then(|| format!("{name}={token}; Path=/; HttpOnly; SameSite=Strict"))
     }
 
     /// Checks a request by its headers.
@@ -66,7 +65,9 @@ impl Guard {
     pub(crate) fn check_origin(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         let refused = |what: &str| {
             let port = self.address.port();
-            let remedy = format!("open http://127.0.0.1:{port}/, or the address that `pardalis studio` printed");
+            let remedy = format!(
+                "open http://127.0.0.1:{port}/, or the address that `pardalis studio` printed"
+            );
             Err((StatusCode::FORBIDDEN, format!("{what}; {remedy}")))
         };
         let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
@@ -92,7 +93,9 @@ impl Guard {
         };
         let number = name.trim_start_matches('[').trim_end_matches(']');
         match number.parse::<IpAddr>() {
-            Ok(ip) => ip == self.address.ip() || self.address.ip().is_unspecified() || ip.is_loopback(),
+            Ok(ip) => {
+                ip == self.address.ip() || self.address.ip().is_unspecified() || ip.is_loopback()
+            }
             Err(_) => name == "localhost",
         }
     }
@@ -144,8 +147,14 @@ mod tests {
             &[("host", "127.0.0.1:4000")][..],
             &[("host", "localhost:4000")],
             &[("host", "[::1]:4000")],
-            &[("host", "127.0.0.1:4000"), ("origin", "http://127.0.0.1:4000")],
-            &[("host", "localhost:4000"), ("sec-fetch-site", "same-origin")],
+            &[
+                ("host", "127.0.0.1:4000"),
+                ("origin", "http://127.0.0.1:4000"),
+            ],
+            &[
+                ("host", "localhost:4000"),
+                ("sec-fetch-site", "same-origin"),
+            ],
             &[("host", "localhost:4000"), ("sec-fetch-site", "none")],
         ] {
             assert!(guard.check(&headers(accepted)).is_ok(), "{accepted:?}");
@@ -159,9 +168,18 @@ mod tests {
             &[("host", "localhost.example.com:4000")],
             &[("host", "127.0.0.1:4000"), ("origin", "http://example.com")],
             &[("host", "127.0.0.1:4000"), ("origin", "null")],
-            &[("host", "127.0.0.1:4000"), ("origin", "http://127.0.0.1:4001")],
-            &[("host", "127.0.0.1:4000"), ("origin", "https://127.0.0.1:4000")],
-            &[("host", "127.0.0.1:4000"), ("origin", "http://localhost:4000")],
+            &[
+                ("host", "127.0.0.1:4000"),
+                ("origin", "http://127.0.0.1:4001"),
+            ],
+            &[
+                ("host", "127.0.0.1:4000"),
+                ("origin", "https://127.0.0.1:4000"),
+            ],
+            &[
+                ("host", "127.0.0.1:4000"),
+                ("origin", "http://localhost:4000"),
+            ],
             &[("host", "127.0.0.1:4000"), ("sec-fetch-site", "cross-site")],
             &[("host", "127.0.0.1:4000"), ("sec-fetch-site", "same-site")],
         ] {
@@ -201,7 +219,10 @@ mod tests {
             assert_eq!(status, StatusCode::UNAUTHORIZED, "{pairs:?}");
         }
         // The token does not excuse a foreign page, nor a name that leads here.
-        for pair in [("origin", "http://example.com"), ("host", "example.com:4000")] {
+        for pair in [
+            ("origin", "http://example.com"),
+            ("host", "example.com:4000"),
+        ] {
             let mut foreign = headers(&[host, ("authorization", &bearer)]);
             foreign.insert(pair.0, pair.1.parse().unwrap());
             let (status, _) = guard.check(&foreign).unwrap_err();

@@ -218,9 +218,7 @@ async fn file(State(shared): App, request: Request) -> Response {
         path => path,
     };
     match shared.assets.get(path) {
-        Some(asset) => {
-            ([(header::CONTENT_TYPE, asset.content_type)], asset.bytes).into_response()
-        }
+        Some(asset) => ([(header::CONTENT_TYPE, asset.content_type)], asset.bytes).into_response(),
         None => refused((StatusCode::NOT_FOUND, "there is no such page".to_owned())),
     }
 }

@@ -222,8 +222,9 @@ function show(topic, value, image) {
     const latest = { image, about: value };
     app.images.set(kind === "image" ? name : topic, latest);
     before?.image.close();
-    app.step.seen?.(app, topic, value);
+    app.step.seen?.(app, topic);
     for (const [camera, picture] of app.pictures) showLatest(camera, picture);
+    if (topic === "marked") renderPanel();
     return;
   }
   app.latest.set(topic, value);

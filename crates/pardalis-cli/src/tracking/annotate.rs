@@ -127,20 +127,17 @@ impl Sink for Annotator {
         for (camera, frame) in instant.frames {
             let view = &instant.tracker.views()[*camera];
             let targets = &self.marker.targets;
-            let zoom = targets
-                .iter()
-                .enumerate()
-                .find_map(|(number, target)| {
-                    let bodies = instant
-                        .tracker
-                        .bodies_at(TargetId::new(number), instant.time_s);
-                    let bodies = bodies.ok()?;
-                    let now = bodies.first().filter(|_| target.crowd.is_none())?;
-                    let known = now.kinematics.as_ref()?;
-                    let body = &target.bodies[0];
-                    let position_m = in_rows_m(known, known.position_m, body, view);
-                    Some(zoomed(body, now, position_m, view))
-                });
+            let zoom = targets.iter().enumerate().find_map(|(number, target)| {
+                let bodies = instant
+                    .tracker
+                    .bodies_at(TargetId::new(number), instant.time_s);
+                let bodies = bodies.ok()?;
+                let now = bodies.first().filter(|_| target.crowd.is_none())?;
+                let known = now.kinematics.as_ref()?;
+                let body = &target.bodies[0];
+                let position_m = in_rows_m(known, known.position_m, body, view);
+                Some(zoomed(body, now, position_m, view))
+            });
             let overlay = Overlay {
                 marks: self.marker.marks(instant, CameraId::new(*camera))?,
                 notes: self.marker.notes(instant, CameraId::new(*camera))?,

@@ -122,7 +122,9 @@ impl Sink for WatchSink {
         let now_s = now_s();
         if now_s - self.told_s >= INTERVAL_S {
             self.told_s = now_s;
-            self.watch.feed.show("track", &self.state(instant, row_count));
+            self.watch
+                .feed
+                .show("track", &self.state(instant, row_count));
         }
         for (camera, frame) in instant.frames {
             if now_s - self.shown_s[*camera] >= INTERVAL_S {
@@ -201,7 +203,11 @@ fn written(mark: &Mark) -> Value {
         Shape::Contour => "contour",
         Shape::WideContour => "wide_contour",
     };
-    let points_px: Vec<_> = mark.points_px.iter().map(|point| point.map(rounded)).collect();
+    let points_px: Vec<_> = mark
+        .points_px
+        .iter()
+        .map(|point| point.map(rounded))
+        .collect();
     json!({ "shape": shape, "color": mark.color, "points_px": points_px })
 }
 

@@ -30,17 +30,28 @@ fn server(listen: &str) -> (Server, SocketAddr, Feed) {
         content_type: "text/javascript",
         bytes: b"export {};",
     }];
-    let server = Server::start(listen.parse().unwrap(), Arc::new(Echo), feed.clone(), &extra);
+    let server = Server::start(
+        listen.parse().unwrap(),
+        Arc::new(Echo),
+        feed.clone(),
+        &extra,
+    );
     let server = server.unwrap();
     let place = server.address().strip_prefix("http://").unwrap();
     let place: SocketAddr = place.split('/').next().unwrap().parse().unwrap();
-    (server, SocketAddr::new([127, 0, 0, 1].into(), place.port()), feed)
+    (
+        server,
+        SocketAddr::new([127, 0, 0, 1].into(), place.port()),
+        feed,
+    )
 }
 
 /// Sends a request as it stands and returns the reply.
 fn reply(address: SocketAddr, request: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_secs(30)))
+        .unwrap();
     stream.write_all(request.as_bytes()).unwrap();
     let mut reply = Vec::new();
     // The server may close while the rest of a long body is still under way.
@@ -68,14 +79,21 @@ fn post(address: SocketAddr, path: &str, headers: &str, body: &str) -> String {
 const JSON: &str = "Content-Type: application/json\r\n";
 
 fn status(reply: &str) -> u16 {
-    let code = reply.split(' ').nth(1).unwrap_or_else(|| panic!("no reply: {reply:?}"));
+    let code = reply
+        .split(' ')
+        .nth(1)
+        .unwrap_or_else(|| panic!("no reply: {reply:?}"));
     code.parse().unwrap()
 }
 
 fn socket(address: SocketAddr) -> WebSocket<TcpStream> {
     let stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
-    let request = format!("ws://{address}/live").into_client_request().unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_secs(30)))
+        .unwrap();
+    let request = format!("ws://{address}/live")
+        .into_client_request()
+        .unwrap();
     tungstenite::client(request, stream).unwrap().0
 }
 
@@ -97,10 +115,16 @@ fn the_page_its_files_and_requests_are_answered_with_strict_headers() {
     assert!(!page.to_lowercase().contains("access-control-allow"));
     assert!(get(address, "/extra/a.js", "").ends_with("export {};"));
     let answer = post(address, "/api/do", JSON, "[1, 2]");
-    assert!(answer.ends_with(r#"{"request":"do","value":[1,2]}"#), "{answer}");
+    assert!(
+        answer.ends_with(r#"{"request":"do","value":[1,2]}"#),
+        "{answer}"
+    );
     let failed = post(address, "/api/fail", JSON, "{}");
     assert_eq!(status(&failed), 422);
-    assert!(failed.ends_with(r#"{"error":"it is wrong; do it right"}"#), "{failed}");
+    assert!(
+        failed.ends_with(r#"{"error":"it is wrong; do it right"}"#),
+        "{failed}"
+    );
     assert_eq!(status(&post(address, "/api/panic", JSON, "{}")), 500);
     assert_eq!(status(&post(address, "/api/do", JSON, "{}")), 200);
 }
@@ -132,7 +156,9 @@ fn foreign_hosts_and_origins_are_refused_everywhere() {
 #[test]
 fn a_websocket_of_another_page_is_refused() {
     let (_server, address, _) = server("127.0.0.1:0");
-    let mut request = format!("ws://{address}/live").into_client_request().unwrap();
+    let mut request = format!("ws://{address}/live")
+        .into_client_request()
+        .unwrap();
     let origin = "http://example.com".parse().unwrap();
     request.headers_mut().insert("origin", origin);
     let stream = TcpStream::connect(address).unwrap();
@@ -148,16 +174,25 @@ fn beyond_this_computer_everything_needs_the_token() {
     let wrong = format!("Authorization: Bearer {}\r\n", "0".repeat(32));
     for headers in ["", &wrong, "Cookie: a=b\r\n"] {
         for path in ["/", "/?token=", "/?token=0", "/app.js", "/live", "/missing"] {
-            assert_eq!(status(&get(address, path, headers)), 401, "{path} {headers}");
+            assert_eq!(
+                status(&get(address, path, headers)),
+                401,
+                "{path} {headers}"
+            );
         }
         let refused = post(address, "/api/do", &format!("{headers}{JSON}"), "{}");
         assert_eq!(status(&refused), 401, "{headers}");
     }
     let opened = get(address, &format!("/?token={token}"), "");
     assert_eq!(status(&opened), 303);
-    let cookie = opened.lines().find_map(|line| line.strip_prefix("set-cookie: "));
+    let cookie = opened
+        .lines()
+        .find_map(|line| line.strip_prefix("set-cookie: "));
     let cookie = cookie.unwrap();
-    assert!(cookie.ends_with("; Path=/; HttpOnly; SameSite=Strict"), "{cookie}");
+    assert!(
+        cookie.ends_with("; Path=/; HttpOnly; SameSite=Strict"),
+        "{cookie}"
+    );
     let cookie = format!("Cookie: {}\r\n", cookie.split(';').next().unwrap());
     assert_eq!(status(&get(address, "/app.js", &cookie)), 200);
     let answer = post(address, "/api/do", &format!("{cookie}{JSON}"), "{}");
@@ -195,7 +230,11 @@ fn malformed_and_oversized_requests_are_refused() {
     }
     let deep = "[".repeat(100_000);
     assert_eq!(status(&post(address, "/api/do", JSON, &deep)), 400);
-    for kind in ["", "Content-Type: text/plain\r\n", "Content-Type: application/x-www-form-urlencoded\r\n"] {
+    for kind in [
+        "",
+        "Content-Type: text/plain\r\n",
+        "Content-Type: application/x-www-form-urlencoded\r\n",
+    ] {
         assert_eq!(status(&post(address, "/api/do", kind, "{}")), 415, "{kind}");
     }
     let huge = format!("\"{}\"", "a".repeat(2 << 20));
@@ -204,7 +243,9 @@ fn malformed_and_oversized_requests_are_refused() {
     let long = format!("X: {}\r\n", "a".repeat(1 << 20));
     assert_eq!(status(&get(address, "/", &long)), 431);
     let mut stream = TcpStream::connect(address).unwrap();
-    stream.write_all(b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03").unwrap();
+    stream
+        .write_all(b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03")
+        .unwrap();
     let mut reply = String::new();
     let _ = stream.read_to_string(&mut reply);
     assert_eq!(status(&reply), 400);
@@ -228,7 +269,10 @@ fn a_page_gets_what_is_latest_when_it_asks() {
     };
     let length = u32::from_be_bytes(image[..4].try_into().unwrap()) as usize;
     let head: Value = serde_json::from_slice(&image[4..4 + length]).unwrap();
-    assert_eq!(head, json!({"topic": "b", "sequence": 1, "value": {"index": 7}}));
+    assert_eq!(
+        head,
+        json!({"topic": "b", "sequence": 1, "value": {"index": 7}})
+    );
     assert_eq!(&image[4 + length..], [1, 2, 3]);
     assert_eq!(page.read().unwrap(), Message::text("end"));
     // Nothing more comes before the page asks again, however much is shown.
@@ -236,7 +280,12 @@ fn a_page_gets_what_is_latest_when_it_asks() {
     feed.show("a", &json!("y"));
     page.send(Message::text("more")).unwrap();
     let text = page.read().unwrap();
-    assert!(text.to_text().unwrap().contains(r#""sequence":102,"topic":"a","value":"y""#), "{text}");
+    assert!(
+        text.to_text()
+            .unwrap()
+            .contains(r#""sequence":102,"topic":"a","value":"y""#),
+        "{text}"
+    );
     assert_eq!(page.read().unwrap(), Message::text("end"));
 }
 
@@ -251,7 +300,8 @@ fn a_page_that_breaks_the_rules_is_cut_off() {
         let mut page = socket(address);
         // It may be cut off while it still sends.
         let _ = page.send(message.clone());
-        let end = std::iter::repeat_with(|| page.read()).find(|read| !matches!(read, Ok(Message::Ping(_))));
+        let end = std::iter::repeat_with(|| page.read())
+            .find(|read| !matches!(read, Ok(Message::Ping(_))));
         let is_end = matches!(end, Some(Err(_) | Ok(Message::Close(_))));
         assert!(is_end, "{message:?}: {end:?}");
     }
@@ -269,21 +319,35 @@ fn a_page_that_breaks_the_rules_is_cut_off() {
 fn a_thousand_idle_connections_are_bounded_and_do_not_disturb_an_open_page() {
     let (_server, address, feed) = server("127.0.0.1:0");
     let mut page = socket(address);
-    let idle: Vec<TcpStream> = (0..1000).filter_map(|_| TcpStream::connect(address).ok()).collect();
+    let idle: Vec<TcpStream> = (0..1000)
+        .filter_map(|_| TcpStream::connect(address).ok())
+        .collect();
     assert!(idle.len() > 500, "{}", idle.len());
     feed.show("a", &json!(1));
     page.send(Message::text("more")).unwrap();
-    assert!(page.read().unwrap().to_text().unwrap().contains(r#""value":1"#));
+    assert!(
+        page.read()
+            .unwrap()
+            .to_text()
+            .unwrap()
+            .contains(r#""value":1"#)
+    );
     // Those above the limit are closed at once.
     let is_closed = |mut stream: &TcpStream| {
-        stream.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(2)))
+            .unwrap();
         matches!(stream.read(&mut [0]), Ok(0) | Err(_)) && {
             stream.set_nonblocking(true).unwrap();
             !matches!(stream.read(&mut [0]), Err(error) if error.kind() == ErrorKind::WouldBlock)
         }
     };
     assert!(is_closed(idle.last().unwrap()));
-    let closed = idle.iter().skip(200).filter(|stream| is_closed(stream)).count();
+    let closed = idle
+        .iter()
+        .skip(200)
+        .filter(|stream| is_closed(stream))
+        .count();
     assert_eq!(closed, idle.len() - 200);
     drop(idle);
     // New pages are served once there is room again.

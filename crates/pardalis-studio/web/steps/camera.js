@@ -18,7 +18,6 @@ async function list(app, folder = null) {
 
 /** Draws the angle of view: the angles from the optical axis, in steps of ten degrees. */
 function drawAngles(context, px, camera) {
-  const { width, height } = context.canvas;
   const size = camera?.source?.size_px;
   if (!size || !camera.fov_deg) return;
   const [u, v] = [0.5 * (size[0] - 1), 0.5 * (size[1] - 1)];
@@ -67,7 +66,7 @@ export const camera = {
       el("h3", {}, "Calibration file"),
       el("p", {}, "Of Pardalis, OpenCV, ROS, Kalibr, OCamCalib or Basalt."),
       listing?.folder && el("p", { class: "folder" }, listing.above !== null && button("↑", () => list(app, listing.above), { "aria-label": "Folder above" }), el("span", { title: listing.folder }, listing.folder)),
-      el("ul", { class: "files" }, files.map(({ name, path, kind }) => el("li", {}, button([el("span", { class: "symbol", "aria-hidden": "true" }, kind === "folder" ? "🗀" : "·"), name], () => (kind === "folder" ? list(app, path) : use(path)), { class: "entry" })))),
+      el("ul", { class: "files" }, files.map(({ name, path, kind }) => el("li", {}, button([el("span", { class: "symbol", "aria-hidden": "true" }, kind === "folder" ? "▸" : "·"), name], () => (kind === "folder" ? list(app, path) : use(path)), { class: "entry" })))),
     ];
   },
 };

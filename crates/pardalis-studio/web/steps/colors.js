@@ -62,7 +62,6 @@ export const colors = {
     const target = app.state.targets.find((one) => one.name === app.target);
     return isMarked && target?.samples.length && marked && shown && marked.about.index === shown.about.index ? marked : null;
   },
-  told: (app, topic) => topic === "marked" && app.render(),
 
   render(app) {
     const { targets } = app.state;

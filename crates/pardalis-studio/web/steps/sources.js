@@ -25,7 +25,7 @@ async function add(app, input, fps = null) {
   if (answer) app.select("camera", answer.cameras.at(-1).name);
 }
 
-const SYMBOLS = { folder: "🗀", video: "▶", image: "▣", recording: "●" };
+const SYMBOLS = { folder: "▸", video: "▶", image: "▣", recording: "●" };
 
 function entryOf(app, { name, path, kind }) {
   const isFolder = kind === "folder";

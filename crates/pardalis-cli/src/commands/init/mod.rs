@@ -434,7 +434,11 @@ fn file_name(path: &Path) -> String {
 }
 
 /// Errors: the calibration is for images of another size.
-pub(crate) fn check_size(file: &Path, camera: &CalibratedCamera, found: (usize, usize)) -> Result<()> {
+pub(crate) fn check_size(
+    file: &Path,
+    camera: &CalibratedCamera,
+    found: (usize, usize),
+) -> Result<()> {
     match camera.size_px {
         Some(stated) if stated != found => Err(user_error!(
             "{}: camera {}: the calibration is for {} x {} pixels, the images are {} x {}",

@@ -24,7 +24,8 @@ const MAX_SHARE: f64 = 0.4;
 /// least as its colour is given more room. `None` if none is round.
 pub(super) fn round_region(frame: &Frame, [u, v]: [f64; 2]) -> Option<Circle> {
     let (width, height) = (frame.width(), frame.height());
-    let inside = |at: f64, side: usize| (at.round() >= 0.0).then_some((at.round() as usize).min(side - 1));
+    let inside =
+        |at: f64, side: usize| (at.round() >= 0.0).then_some((at.round() as usize).min(side - 1));
     let seed = (inside(u, width)?, inside(v, height)?);
     let differences = differences(frame, seed);
     let mut regions = Vec::new();
@@ -40,7 +41,10 @@ pub(super) fn round_region(frame: &Frame, [u, v]: [f64; 2]) -> Option<Circle> {
         let after = regions.get(number + 1).unwrap_or(&regions[number]).len() as f64;
         (after - before) / regions[number].len() as f64
     };
-    let round = regions.iter().enumerate().filter(|(_, part)| part.len() >= MIN_PX);
+    let round = regions
+        .iter()
+        .enumerate()
+        .filter(|(_, part)| part.len() >= MIN_PX);
     let round = round.filter_map(|(number, part)| Some((growth(number), circle_of(part)?)));
     let steadiest = round.min_by(|a, b| a.0.total_cmp(&b.0));
     steadiest.map(|(_, circle)| circle)
@@ -108,7 +112,10 @@ fn part_around(
 /// Returns the pixels of a part and those that it encloses, such as highlights.
 fn without_holes(part: &[(usize, usize)]) -> Vec<(usize, usize)> {
     let (columns, rows) = (part.iter().map(|p| p.0), part.iter().map(|p| p.1));
-    let (left, top) = (columns.clone().min().unwrap_or(0), rows.clone().min().unwrap_or(0));
+    let (left, top) = (
+        columns.clone().min().unwrap_or(0),
+        rows.clone().min().unwrap_or(0),
+    );
     // With a margin of one pixel on all sides, which is outside.
     let width = columns.max().unwrap_or(0) - left + 3;
     let height = rows.max().unwrap_or(0) - top + 3;
@@ -165,13 +172,17 @@ mod tests {
             };
             rgb.map(|channel| (channel + noise).clamp(0.0, 255.0) as u8)
         };
-        let pixels = (0..160 * 120).flat_map(pixel).collect();
+        let pixels: Vec<u8> = (0..160 * 120).flat_map(pixel).collect();
         Frame::from_rgb(160, 120, pixels, 0.0).unwrap()
     }
 
     #[test]
     fn the_region_of_a_shaded_ball_is_the_ball_wherever_it_is_pointed_at() {
-        for color in [[240.0, 120.0, 20.0], [30.0, 60.0, 230.0], [240.0, 240.0, 30.0]] {
+        for color in [
+            [240.0, 120.0, 20.0],
+            [30.0, 60.0, 230.0],
+            [240.0, 240.0, 30.0],
+        ] {
             for [u, v, radius] in [[80.0, 60.0, 20.0], [40.0, 70.0, 8.0], [100.0, 50.0, 40.0]] {
                 let frame = ball([u, v, radius], color);
                 for at in [[u, v], [u + 0.5 * radius, v], [u, v + 0.7 * radius]] {
@@ -179,7 +190,10 @@ mod tests {
                     let off = (found.center_px[0] - u).hypot(found.center_px[1] - v);
                     assert!(off < 0.1 * radius, "{color:?} {radius} {at:?}: {found:?}");
                     let size = found.radius_px / radius;
-                    assert!((0.88..1.08).contains(&size), "{color:?} {radius} {at:?}: {found:?}");
+                    assert!(
+                        (0.88..1.08).contains(&size),
+                        "{color:?} {radius} {at:?}: {found:?}"
+                    );
                 }
             }
         }
@@ -193,10 +207,10 @@ mod tests {
             assert_eq!(round_region(&frame, at), None, "{at:?}");
         }
         let bar = |i: usize| match (i % 160, i / 160) {
-            (20..140, 50..58) => [240, 120, 20],
+            (20..140, 50..58) => [240_u8, 120, 20],
             _ => [90, 100, 95],
         };
-        let pixels = (0..160 * 120).flat_map(bar).collect();
+        let pixels: Vec<u8> = (0..160 * 120).flat_map(bar).collect();
         let frame = Frame::from_rgb(160, 120, pixels, 0.0).unwrap();
         assert_eq!(round_region(&frame, [80.0, 54.0]), None);
     }

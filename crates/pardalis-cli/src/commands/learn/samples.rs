@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use pardalis::Frame;
 use pardalis::color::{ColorModel, Palette};
-use pardalis_camera::Mask;
+use pardalis_camera::{Camera, Mask};
 use pardalis_images::RgbImage;
 
 use super::balls::Circle;
@@ -21,6 +21,8 @@ use crate::user_error::user_error;
 const SEARCHED_RADII: f64 = 2.0;
 /// Corners of the outline of a circle.
 const CORNERS: usize = 48;
+/// Of 3 x 3 pixels, a majority.
+const MAJORITY: u8 = 5;
 /// The colour of pixels in the colours of the target.
 const MARKED: [u8; 3] = [255, 0, 200];
 
@@ -38,6 +40,8 @@ pub(crate) enum Pointed {
 pub(crate) struct Sample {
     /// The camera.
     pub(crate) camera: String,
+    /// Its lens, if it is known.
+    pub(crate) lens: Option<Camera>,
     /// The number of the frame.
     pub(crate) number: usize,
     pub(crate) frame: Frame,
@@ -56,10 +60,15 @@ pub(crate) struct Learnt {
     pub(crate) failed: Vec<usize>,
 }
 
-/// Returns the outline of a ball that was pointed at. The image decides: what is pointed at need not be exact.
+/// Returns the outline of a ball that was pointed at, as a camera with this lens shows it; without a lens, as a typical one does. The image decides: what is
+/// pointed at need not be exact.
 ///
-/// Errors: there is no outline.
-pub(crate) fn outline_of(frame: &Frame, pointed: Pointed) -> Result<Vec<[f64; 2]>> {
+/// Errors: there is nothing round.
+pub(crate) fn outline_of(
+    frame: &Frame,
+    lens: Option<Camera>,
+    pointed: Pointed,
+) -> Result<Vec<[f64; 2]>> {
     let (label, around) = match pointed {
         Pointed::At(at) => {
             let circle = round_region(frame, at).ok_or_else(|| {
@@ -78,9 +87,11 @@ pub(crate) fn outline_of(frame: &Frame, pointed: Pointed) -> Result<Vec<[f64; 2]
             (label, circle)
         }
     };
-    let learnt = learn(&[LabelledFile::of_frame(PathBuf::from("image"), 0, frame.clone(), vec![label])])?;
-    let mask = near(frame, &around)?;
-    let found = detect(frame, &learnt.model, LearntEdge::Ignored, Some(mask))?;
+    let image = PathBuf::from("image");
+    let file = LabelledFile::of_frame(image, (0, frame.clone()), lens, label);
+    let view = file.view(frame, Some(near(frame, &around)?))?;
+    let learnt = learn(&[file])?;
+    let found = detect(frame, &learnt.model, LearntEdge::Ignored, view)?;
     match found {
         Some(found) if around.radii_to(&found.circle) < 1.0 => Ok(found.outline_px),
         // Its colours have been found, but not its edge, as of something small.
@@ -97,7 +108,8 @@ pub(crate) fn learn_samples(samples: &[Sample]) -> Result<Learnt> {
         .map(|sample| {
             let label = Label::Polygon(sample.outline_px.clone());
             let name = PathBuf::from(&sample.camera);
-            LabelledFile::of_frame(name, sample.number, sample.frame.clone(), vec![label])
+            let frame = (sample.number, sample.frame.clone());
+            LabelledFile::of_frame(name, frame, sample.lens.clone(), label)
         })
         .collect();
     learn(&files)
@@ -120,21 +132,28 @@ fn learn(files: &[LabelledFile]) -> Result<Learnt> {
 }
 
 impl Learnt {
-    /// Returns a frame in grey, with what is in the target's colours marked, and which share of it that is.
+    /// Returns a frame in grey, with what is in the target's colours marked, and which share of it that is. As the detector does, it ignores single pixels.
     pub(crate) fn marked(&self, frame: &Frame) -> (RgbImage, f64) {
-        let bins = self.evidence.learner().bins_of(frame);
-        let mut picture = picture_of(frame);
         let log_odds = &self.evidence.separation.log_odds;
-        let (mut count, total) = (0, bins.len().max(1));
-        for (pixel, bin) in picture.pixels_mut().zip(bins) {
+        let bins = self.evidence.learner().bins_of(frame);
+        let is_in = |bin: &u16| u8::from(log_odds[usize::from(*bin)] > 0.0);
+        let is_in: Vec<u8> = bins.iter().map(is_in).collect();
+        let (width, height) = (frame.width(), frame.height());
+        let mut picture = picture_of(frame);
+        let mut count = 0;
+        for (index, pixel) in picture.pixels_mut().enumerate() {
             let grey = (pixel.iter().map(|c| u16::from(*c)).sum::<u16>() / 3) as u8;
             *pixel = [grey / 2 + 20; 3];
-            if log_odds[usize::from(bin)] > 0.0 {
+            let (x, y) = (index % width, index / width);
+            let rows = y.saturating_sub(1)..(y + 2).min(height);
+            let columns = x.saturating_sub(1)..(x + 2).min(width);
+            let around = rows.flat_map(|row| &is_in[row * width..][columns.clone()]);
+            if around.sum::<u8>() >= MAJORITY {
                 *pixel = MARKED;
                 count += 1;
             }
         }
-        (picture, count as f64 / total as f64)
+        (picture, f64::from(count) / (width * height) as f64)
     }
 }
 
@@ -170,7 +189,8 @@ fn corners_of(circle: &Circle, frame: &Frame) -> Vec<[f64; 2]> {
 fn boxed(frame: &Frame, a: [f64; 2], b: [f64; 2]) -> Result<Label> {
     let sides = [frame.width(), frame.height()];
     let first = [0, 1].map(|axis| a[axis].min(b[axis]).round().max(0.0) as usize);
-    let end = [0, 1].map(|axis| (a[axis].max(b[axis]).round().max(0.0) as usize + 1).min(sides[axis]));
+    let end =
+        [0, 1].map(|axis| (a[axis].max(b[axis]).round().max(0.0) as usize + 1).min(sides[axis]));
     if (0..2).any(|axis| end[axis] < first[axis] + 3) {
         return Err(user_error!(
             "the box is too small, or beside the image; drag it around the whole target"
@@ -186,12 +206,17 @@ fn boxed(frame: &Frame, a: [f64; 2], b: [f64; 2]) -> Result<Label> {
 
 #[cfg(test)]
 mod tests {
+    use pardalis_camera::Equidistant;
+
     use super::*;
     use crate::source::decode::decode_image;
 
-    /// A bundled frame of a fisheye camera, and the outline of the ball in it as a circle.
-    fn frame() -> (Frame, Circle) {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/dioptric-jump/frames/000000.jpg");
+    /// A bundled frame of a fisheye camera, its lens, and the outline of the ball in it as a circle.
+    fn frame() -> (Frame, Camera, Circle) {
+        let folder = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../data/dioptric-jump/frames/000000.jpg"
+        );
         let image = decode_image(folder.as_ref()).unwrap();
         let (width, height) = image.size_px();
         let frame = Frame::from_rgb(width, height, image.into_raw(), 0.0).unwrap();
@@ -201,12 +226,13 @@ mod tests {
             center_px: [459.9, 87.9],
             radius_px: 10.3,
         };
-        (frame, circle)
+        let lens = Equidistant::new(145.56, [319.5, 239.5], 92.5_f64.to_radians()).unwrap();
+        (frame, lens.into(), circle)
     }
 
     #[test]
     fn a_click_or_a_rough_box_gives_the_outline() {
-        let (frame, circle) = frame();
+        let (frame, lens, circle) = frame();
         let [u, v] = circle.center_px;
         let r = circle.radius_px;
         for pointed in [
@@ -214,7 +240,7 @@ mod tests {
             Pointed::At([u + 0.5 * r, v - 0.4 * r]),
             Pointed::Within([u - 1.2 * r, v - 1.1 * r], [u + 1.1 * r, v + 1.2 * r]),
         ] {
-            let outline = outline_of(&frame, pointed).unwrap();
+            let outline = outline_of(&frame, Some(lens.clone()), pointed).unwrap();
             let found = Circle::of_outline(&outline).unwrap();
             assert!(circle.radii_to(&found) < 0.1, "{pointed:?}: {found:?}");
             let size = found.radius_px / r;

@@ -3,6 +3,7 @@
 mod edits;
 mod places;
 mod player;
+mod pose;
 mod project;
 mod running;
 mod session;
@@ -106,12 +107,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = path.unwrap_or_else(|| PathBuf::from("scene.toml"));
     let mut project = Project::open(given.as_ref().unwrap_or(&path))?;
     project.rename(&path)?;
-    let sources: Vec<&String> = arguments.inputs.iter().filter(|input| !is_scene(input)).collect();
+    let sources: Vec<&String> = arguments
+        .inputs
+        .iter()
+        .filter(|input| !is_scene(input))
+        .collect();
     let mut places = vec![folder_of(&path)];
     places.extend(given.as_ref().map(|scene| folder_of(scene)));
-    let is_file = |input: &&&String| {
-        !input.contains("://") && !input.starts_with("/dev/")
-    };
+    let is_file = |input: &&&String| !input.contains("://") && !input.starts_with("/dev/");
     places.extend(sources.iter().filter(is_file).map(PathBuf::from));
     let feed = Feed::default();
     let session = Session::new(project, Places::of(&places)?, feed.clone());
@@ -123,7 +126,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let program = Arc::clone(&session);
     let server = Server::start(arguments.page.address(), program, feed, &[])
         .map_err(|error| arguments.page.refused(&error))?;
-    print(format!("Open {} in a browser; Ctrl-C ends it.", server.address()));
+    print(format!(
+        "Open {} in a browser; Ctrl-C ends it.",
+        server.address()
+    ));
     while !interrupt::requested() {
         std::thread::sleep(POLL);
     }

@@ -24,10 +24,17 @@ impl Places {
     pub(super) fn of(paths: &[PathBuf]) -> Result<Self> {
         let places = paths.iter().map(|path| {
             fs::canonicalize(path).map_err(|error| {
-                user_error!("{}: cannot be opened: {error}; check the name", path.shown())
+                user_error!(
+                    "{}: cannot be opened: {error}; check the name",
+                    path.shown()
+                )
             })
         });
-        Ok(Self(places.collect::<Result<_>>()?))
+        let mut places: Vec<PathBuf> = places.collect::<Result<_>>()?;
+        places.sort();
+        // Folders come before what is below them, which they hold already.
+        places.dedup_by(|path, before| path.starts_with(before));
+        Ok(Self(places))
     }
 
     /// Returns a file or folder of this name, without links.
@@ -54,7 +61,10 @@ impl Places {
         let unreadable =
             |error| user_error!("{}: the folder cannot be read: {error}", folder.shown());
         let mut paths = Vec::new();
-        for entry in fs::read_dir(&folder).map_err(unreadable)?.take(100 * MAX_LISTED) {
+        for entry in fs::read_dir(&folder)
+            .map_err(unreadable)?
+            .take(100 * MAX_LISTED)
+        {
             let path = entry.map_err(unreadable)?.path();
             let is_hidden = path
                 .file_name()
@@ -121,7 +131,10 @@ mod tests {
             "in/missing.toml",
         ] {
             let error = places.allowed(&name(outside)).unwrap_err().to_string();
-            assert!(error.contains("start it with the folder that holds it"), "{error}");
+            assert!(
+                error.contains("start it with the folder that holds it"),
+                "{error}"
+            );
         }
         assert!(places.allowed("/etc/passwd").is_err());
         assert!(places.listed(Some(&name(""))).is_err());

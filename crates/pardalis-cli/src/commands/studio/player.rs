@@ -190,7 +190,9 @@ impl Statistics {
     fn add(&mut self, time_s: f64, arrival_s: f64) {
         self.frames += 1;
         let delay_s = arrival_s - time_s;
-        let least_s = self.least_delay_s.map_or(delay_s, |least| least.min(delay_s));
+        let least_s = self
+            .least_delay_s
+            .map_or(delay_s, |least| least.min(delay_s));
         self.least_delay_s = Some(least_s);
         self.delay_s = delay_s - least_s;
         if let Some((last_s, _)) = self.last.filter(|(last_s, _)| *last_s < time_s) {
@@ -277,7 +279,10 @@ impl Shared {
             if let Some(number) = ordered {
                 let mut config = config.clone();
                 config.frames.first += number * config.frames.step;
-                config.frames.limit = config.frames.limit.map(|limit| limit.saturating_sub(number).max(1));
+                config.frames.limit = config
+                    .frames
+                    .limit
+                    .map(|limit| limit.saturating_sub(number).max(1));
                 opened = Some((Source::open(&config)?, number));
                 last_s = None;
             }
@@ -316,7 +321,9 @@ impl Shared {
                 return Some((orders.is_playing, frame));
             }
             // An interrupt wakes nobody.
-            let waited = self.ordered.wait_timeout(orders, Duration::from_millis(200));
+            let waited = self
+                .ordered
+                .wait_timeout(orders, Duration::from_millis(200));
             (orders, _) = waited.unwrap_or_else(PoisonError::into_inner);
         }
     }

@@ -37,7 +37,12 @@ enum Outcome {
 }
 
 impl Running {
-    fn start(path: &Path, scene: Scene, watch: Watch, ended: impl FnOnce() + Send + 'static) -> Result<Self> {
+    fn start(
+        path: &Path,
+        scene: Scene,
+        watch: Watch,
+        ended: impl FnOnce() + Send + 'static,
+    ) -> Result<Self> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let folder = path.with_file_name(format!("{stem}-tracks"));
         let stop = Stop::default();
@@ -60,16 +65,22 @@ impl Running {
         };
         let path = path.to_owned();
         let result = Arc::clone(&outcome);
-        let thread = std::thread::Builder::new().name("run".to_owned()).spawn(move || {
-            let run = tracking::run_scene(&path, scene, &options);
-            let outcome = match run {
-                Ok(run) => Outcome::Done(format!("{}\n{}", track::warnings(&run), track::summary(&run))),
-                // Stopped before its end, it has results nevertheless.
-                Err(error) => Outcome::Failed(format!("{error:#}")),
-            };
-            *result.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
-            ended();
-        });
+        let thread = std::thread::Builder::new()
+            .name("run".to_owned())
+            .spawn(move || {
+                let run = tracking::run_scene(&path, scene, &options);
+                let outcome = match run {
+                    Ok(run) => Outcome::Done(format!(
+                        "{}\n{}",
+                        track::warnings(&run),
+                        track::summary(&run)
+                    )),
+                    // Stopped before its end, it has results nevertheless.
+                    Err(error) => Outcome::Failed(format!("{error:#}")),
+                };
+                *result.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
+                ended();
+            });
         Ok(Self {
             watch,
             stop,

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use super::places::Places;
 use super::player::Player;
+use super::pose::{KnownPoints, OfCamera, OnFloor};
 use super::project::{Project, State};
 use super::running::Running;
 use super::steps::{Calibrated, Guessed, Label, NewTarget, Radius};
@@ -133,7 +134,9 @@ impl Session {
             "devices" => {
                 read::<Nothing>(value)?;
                 let found = devices::listed();
-                let found = found.iter().map(|(place, name)| json!({ "input": place, "name": name }));
+                let found = found
+                    .iter()
+                    .map(|(place, name)| json!({ "input": place, "name": name }));
                 return Ok(found.collect());
             }
             "add_source" => {
@@ -153,6 +156,12 @@ impl Session {
             }
             "set_fov" => self.set_fov(&read::<Guessed>(value)?)?,
             "set_calibration" => self.set_calibration(&read::<Calibrated>(value)?)?,
+            "set_pose" => return self.told(self.set_pose(&read::<KnownPoints>(value)?)?),
+            "set_pose_of_board" => {
+                return self.told(self.set_pose_of_board(&read::<OnFloor>(value)?)?);
+            }
+            "find_rectangle" => return self.find_rectangle(&read::<OfCamera>(value)?),
+            "grid" => return self.grid(&read::<OfCamera>(value)?),
             "add_target" => self.add_target(&read::<NewTarget>(value)?)?,
             "set_radius" => self.set_radius(&read::<Radius>(value)?)?,
             "label" => self.label(&read::<Label>(value)?)?,
@@ -193,7 +202,12 @@ impl Session {
     }
 
     /// Goes to another state of the project, unless what was edited, by its key, has a problem then that it did not have.
-    pub(super) fn edit(&self, key: &str, what: String, change: impl FnOnce(&mut State) -> Result<()>) -> Result<()> {
+    pub(super) fn edit(
+        &self,
+        key: &str,
+        what: String,
+        change: impl FnOnce(&mut State) -> Result<()>,
+    ) -> Result<()> {
         let mut inner = self.inner();
         let mut state = inner.project.now().clone();
         change(&mut state)?;
@@ -249,6 +263,12 @@ impl Session {
         }
     }
 
+    /// Tells the state to all pages, and returns the answer to one of them.
+    fn told(&self, answer: Value) -> Result<Value> {
+        self.tell();
+        Ok(answer)
+    }
+
     /// Returns the state of the session, and tells it to all pages.
     pub(super) fn tell(&self) -> Value {
         let state = self.inner().state();
@@ -260,9 +280,9 @@ impl Session {
 impl Inner {
     /// Returns the picture of a camera.
     pub(super) fn player(&self, camera: &str) -> Result<&Player> {
-        self.players
-            .get(camera)
-            .ok_or_else(|| user_error!("cameras.{camera}: has no picture; see the problems of the step Sources"))
+        self.players.get(camera).ok_or_else(|| {
+            user_error!("cameras.{camera}: has no picture; see the problems of the step Sources")
+        })
     }
 
     /// Reads the present scene.

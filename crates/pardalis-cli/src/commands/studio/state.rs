@@ -25,9 +25,13 @@ impl Step {
         let mut parts = key.split('.');
         let (table, key) = (parts.next(), parts.nth(1));
         match (table, key) {
-            (Some("cameras"), Some("calibration" | "calibration_camera" | "calibration_lens" | "model" | "size_px" | "mask" | "mask_radius_px")) => {
-                Self::Camera
-            }
+            (
+                Some("cameras"),
+                Some(
+                    "calibration" | "calibration_camera" | "calibration_lens" | "model" | "size_px"
+                    | "mask" | "mask_radius_px",
+                ),
+            ) => Self::Camera,
             (Some("cameras"), Some("world_from_camera" | "platform" | "plane")) => Self::Pose,
             (Some("cameras"), _) => Self::Sources,
             (Some("targets"), Some("colors")) => Self::Colors,
@@ -85,14 +89,19 @@ impl Inner {
     fn camera(&self, camera: &CameraConfig) -> Value {
         let player = self.players.get(&camera.name);
         let table = self.table_of("cameras", &camera.name);
-        let calibration = table.as_ref().and_then(|table| table.get("calibration")?.as_str());
+        let calibration = table
+            .as_ref()
+            .and_then(|table| table.get("calibration")?.as_str());
         let size_px = player.and_then(super::player::Player::size_px);
         // Of a pinhole camera.
         let focal_px = camera.camera.parameters().first().map(|(_, value)| *value);
         let is_pinhole = camera.camera.kind() == "pinhole";
-        let fov_deg = size_px.zip(focal_px.filter(|_| is_pinhole)).map(|((width, height), focal_px)| {
-            2.0 * libm::atan2(0.5 * width.max(height) as f64, focal_px).to_degrees()
-        });
+        let fov_deg =
+            size_px
+                .zip(focal_px.filter(|_| is_pinhole))
+                .map(|((width, height), focal_px)| {
+                    2.0 * libm::atan2(0.5 * width.max(height) as f64, focal_px).to_degrees()
+                });
         json!({
             "name": camera.name,
             "input": camera.input.place().value,

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use pardalis_camera::Camera;
 use pardalis_scene::{NAMES_ALLOWED, Scene, is_name};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -100,7 +101,9 @@ impl Session {
              model.pinhole = {{ f_px = [1, 1], center_px = [0, 0] }}\n"
         );
         let (scene, problems) = Scene::parse_parts(&probe, &|_, _| Err(String::new()));
-        let of_camera = problems.into_iter().find(|p| p.key.starts_with("cameras.camera"));
+        let of_camera = problems
+            .into_iter()
+            .find(|p| p.key.starts_with("cameras.camera"));
         if let Some(problem) = of_camera {
             return Err(user_error!("{input}: {}", problem.message));
         }
@@ -117,7 +120,13 @@ impl Session {
             size,
             input: Input::Video,
         };
-        Ok(CameraText::guessed(Model::Pinhole, &Fov::Unknown, &opened, input, None))
+        Ok(CameraText::guessed(
+            Model::Pinhole,
+            &Fov::Unknown,
+            &opened,
+            input,
+            None,
+        ))
     }
 
     /// Removes a camera or a target.
@@ -151,14 +160,17 @@ impl Session {
         let wanted = calibrated.of.as_ref().unwrap_or(name);
         let camera = match &cameras[..] {
             [camera] => camera,
-            _ => cameras.iter().find(|camera| camera.name == *wanted).ok_or_else(|| {
-                let names: Vec<_> = cameras.iter().map(|camera| &*camera.name).collect();
-                user_error!(
-                    "{}: has the cameras {}; choose one of them",
-                    file.shown(),
-                    names.join(", ")
-                )
-            })?,
+            _ => cameras
+                .iter()
+                .find(|camera| camera.name == *wanted)
+                .ok_or_else(|| {
+                    let names: Vec<_> = cameras.iter().map(|camera| &*camera.name).collect();
+                    user_error!(
+                        "{}: has the cameras {}; choose one of them",
+                        file.shown(),
+                        names.join(", ")
+                    )
+                })?,
         };
         let opened = self.inner().opened(name)?;
         init::check_size(&file, camera, opened.size)?;
@@ -190,11 +202,15 @@ impl Session {
         }
         let folder = self.inner().project.folder().to_owned();
         let colors = unused_colors(&folder, name);
-        self.edit(&format!("targets.{name}.shape"), format!("add {name}"), |state| {
-            let table = target_text(name, target.radius_m, &colors);
-            state.text = with_table(&state.text, &table)?.into();
-            Ok(())
-        })
+        self.edit(
+            &format!("targets.{name}.shape"),
+            format!("add {name}"),
+            |state| {
+                let table = target_text(name, target.radius_m, &colors);
+                state.text = with_table(&state.text, &table)?.into();
+                Ok(())
+            },
+        )
     }
 
     /// Sets the radius of a ball.
@@ -223,9 +239,11 @@ impl Session {
             _ => return Err(user_error!("give either at_px or box_px")),
         };
         let (number, frame) = self.inner().shown(&label.camera)?;
-        let outline_px = outline_of(&frame, pointed)?;
+        let lens = self.inner().lens(&label.camera);
+        let outline_px = outline_of(&frame, lens.clone(), pointed)?;
         let sample = Sample {
             camera: label.camera.clone(),
+            lens,
             number,
             frame,
             outline_px,
@@ -233,7 +251,8 @@ impl Session {
         let what = format!("label {} in {} {number}", label.target, label.camera);
         self.learn(&label.target, what, |samples| {
             // The last label of a frame counts.
-            samples.retain(|other| (&other.camera, other.number) != (&sample.camera, sample.number));
+            samples
+                .retain(|other| (&other.camera, other.number) != (&sample.camera, sample.number));
             samples.push(sample);
             Ok(())
         })
@@ -298,10 +317,21 @@ impl Session {
 
 impl Inner {
     /// Returns the frame that a camera shows, with its number.
-    fn shown(&self, camera: &str) -> Result<(usize, pardalis::Frame)> {
-        self.player(camera)?
-            .shown()
-            .ok_or_else(|| user_error!("cameras.{camera}: shows no frame yet; wait for its picture"))
+    pub(super) fn shown(&self, camera: &str) -> Result<(usize, pardalis::Frame)> {
+        self.player(camera)?.shown().ok_or_else(|| {
+            user_error!("cameras.{camera}: shows no frame yet; wait for its picture")
+        })
+    }
+
+    /// Returns the lens of a camera, if it is known well enough for the outline of a ball.
+    pub(super) fn lens(&self, camera: &str) -> Option<Camera> {
+        let cameras = self.parts().scene.cameras.into_iter();
+        let mut named = cameras.filter(|one| one.name == camera);
+        // That of a plane sees no heights.
+        named
+            .next()
+            .map(|one| one.camera)
+            .filter(|lens| !matches!(lens, Camera::Plane(_)))
     }
 
     /// Returns what is known of the images of a camera.
@@ -318,9 +348,14 @@ impl Inner {
     /// Returns the file of the colours of a target.
     fn colors_file(&self, target: &str) -> Result<PathBuf> {
         let table = self.table_of("targets", target);
-        let table = table.ok_or_else(|| user_error!("targets.{target}: is not in the scene; add it first"))?;
+        let table = table
+            .ok_or_else(|| user_error!("targets.{target}: is not in the scene; add it first"))?;
         let name = table.get("colors").and_then(toml::Value::as_str);
-        let name = name.ok_or_else(|| user_error!("targets.{target}: has no colours of its own, but perhaps landmarks or a detector"))?;
+        let name = name.ok_or_else(|| {
+            user_error!(
+                "targets.{target}: has no colours of its own, but perhaps landmarks or a detector"
+            )
+        })?;
         Ok(self.project.folder().join(name))
     }
 
@@ -328,9 +363,13 @@ impl Inner {
     fn learnt(&mut self, target: &str) -> Result<&Learnt> {
         if !self.learnt.contains_key(target) {
             let samples = self.project.now().samples.get(target);
-            let samples = samples.filter(|samples| !samples.is_empty()).ok_or_else(|| {
-                user_error!("targets.{target}: is labelled in no frame; click it in a picture first")
-            })?;
+            let samples = samples
+                .filter(|samples| !samples.is_empty())
+                .ok_or_else(|| {
+                    user_error!(
+                        "targets.{target}: is labelled in no frame; click it in a picture first"
+                    )
+                })?;
             let learnt = learn_samples(samples)?;
             self.learnt.insert(target.to_owned(), learnt);
         }
