@@ -25,6 +25,7 @@ mod platforms;
 mod program_file;
 mod progress;
 mod rectangle;
+mod report;
 mod rig;
 mod scene;
 mod scene_files;
@@ -57,6 +58,7 @@ pub use mcap::ros2;
   pardalis init images --fps 25 --camera pinhole --colors ball.colors.toml
   pardalis check scene.toml                       problems of the scene, and its first frames
   pardalis track scene.toml --annotate            tracks, plots and annotated frames
+  pardalis view scene-tracks                      shows a track in 3D in the browser
   pardalis locate scene.toml --at 460,88          single images, independently
   pardalis rectify scene.toml                     maps of the ground, seen from above
 
@@ -98,6 +100,7 @@ enum Command {
     Likelihood(commands::likelihood::Arguments),
     Measure(commands::measure::Arguments),
     Simulate(commands::simulate::Arguments),
+    View(commands::view::Arguments),
 }
 
 /// Runs the command of a command line, whose first argument is the name of the program, and returns the exit code.
@@ -140,6 +143,7 @@ fn run_command(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Likelihood(arguments) => commands::likelihood::run(&arguments),
         Command::Measure(arguments) => commands::measure::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments),
+        Command::View(arguments) => commands::view::run(&arguments),
     };
     user_error::exit_code_of(&outcome.and_then(|()| output::finish()))
 }

@@ -377,7 +377,7 @@ impl Row<'_> {
     }
 
     /// Parses a finite number; `None` without the column or if its cell is empty.
-    fn optional_number(&self, column: Option<Column<'_>>) -> Result<Option<f64>> {
+    pub(crate) fn optional_number(&self, column: Option<Column<'_>>) -> Result<Option<f64>> {
         let Some(column) = column else {
             return Ok(None);
         };
@@ -440,7 +440,7 @@ impl Row<'_> {
     }
 
     /// Parses a track's state; `None` without the column or if its cell is empty.
-    fn state(&self, column: Option<Column<'_>>) -> Result<Option<TrackState>> {
+    pub(crate) fn state(&self, column: Option<Column<'_>>) -> Result<Option<TrackState>> {
         let Some(column) = column.filter(|&c| !self.cell(c).is_empty()) else {
             return Ok(None);
         };

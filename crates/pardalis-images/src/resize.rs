@@ -1,11 +1,22 @@
 //! Resizing with a triangle filter.
 
-use super::Image;
+use super::{Image, RgbImage};
 
 /// Source pixels of a column or row of the result, with their weights.
 struct Taps {
     first: usize,
     weights: Vec<f32>,
+}
+
+impl RgbImage {
+    /// Returns the image, reduced in proportion if it is wider than this many pixels.
+    pub fn at_most(&self, width: u32) -> Self {
+        if self.width() <= width {
+            return self.clone();
+        }
+        let height = u64::from(self.height()) * u64::from(width) / u64::from(self.width());
+        self.resized(width, height.max(1) as u32)
+    }
 }
 
 impl<const CHANNELS: usize> Image<u8, CHANNELS> {

@@ -1,10 +1,12 @@
 //! The files of the page, which are part of the program.
 
+use std::borrow::Cow;
+
 /// A file that is served.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Asset {
     /// Its path, from the root and without it: `app.js`, `steps/track.js`.
-    pub path: &'static str,
+    pub path: Cow<'static, str>,
     /// Its media type, as in HTTP.
     pub content_type: &'static str,
     /// Its contents.
@@ -15,16 +17,18 @@ pub struct Asset {
 macro_rules! web {
     ($($content_type:literal: $($path:literal)*;)*) => {
         &[$($(Asset {
-            path: $path,
+            path: Cow::Borrowed($path),
             content_type: $content_type,
             bytes: include_bytes!(concat!("../web/", $path)),
         },)*)*]
     };
 }
 
-/// The files of the page; the first is the page.
-pub(crate) const PAGE: &[Asset] = web! {
-    "text/html; charset=utf-8": "index.html";
+/// The page, in which `{{nonce}}` and `{{imports}}` are to be replaced.
+pub(crate) const PAGE: &str = include_str!("../web/index.html");
+
+/// The other files of the page.
+pub(crate) const FILES: &[Asset] = web! {
     "text/css; charset=utf-8": "studio.css";
     "text/javascript; charset=utf-8":
         "app.js" "connection.js" "elements.js" "picture.js"

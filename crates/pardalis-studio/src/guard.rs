@@ -26,9 +26,7 @@ impl Guard {
         let token = if address.ip().is_loopback() {
             None
         } else {
-            let mut random = [0; 16];
-            getrandom::fill(&mut random)?;
-            Some(random.iter().map(|byte| format!("{byte:02x}")).collect())
+            Some(random()?)
         };
         Ok(Self { address, token })
     }
@@ -117,6 +115,15 @@ impl Guard {
     fn cookie_name(&self) -> String {
         format!("pardalis-{}", self.address.port())
     }
+}
+
+/// Returns a text that nobody can guess.
+///
+/// Errors: the system has no random numbers.
+pub(crate) fn random() -> std::io::Result<String> {
+    let mut bytes = [0; 16];
+    getrandom::fill(&mut bytes)?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// Compares in a time that does not depend on where texts of the same length differ.

@@ -12,4 +12,4 @@ mod server;
 
 pub use assets::Asset;
 pub use feed::Feed;
-pub use server::{Program, Server};
+pub use server::{Extension, Program, Server};

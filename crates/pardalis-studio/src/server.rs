@@ -22,9 +22,9 @@ use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, oneshot};
 use tokio::time::timeout;
 
-use crate::assets::{Asset, PAGE};
+use crate::assets::{Asset, FILES, PAGE};
 use crate::feed::Feed;
-use crate::guard::{Guard, Refusal};
+use crate::guard::{Guard, Refusal, random};
 use crate::live::{self, MAX_MESSAGE_BYTES};
 
 /// The most connections at a time; further ones are closed at once.
@@ -38,13 +38,13 @@ const MAX_BODY_BYTES: usize = 1 << 20;
 /// How long the head or the body of a request may take, and how long a connection may be idle.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Headers of every reply: the page loads nothing from elsewhere, runs no code but its own and is in no frame of others.
-const HEADERS: [(HeaderName, &str); 6] = [
-    (
-        header::CONTENT_SECURITY_POLICY,
-        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; \
-         base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-    ),
+/// What a page may do: it loads nothing from elsewhere, runs no code but its own and is in no frame of others. `NONCE` stands for a text that nobody knows
+/// before, which marks the list of its modules as its own.
+const POLICY: &str = "default-src 'none'; script-src 'self' 'nonce-NONCE'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; \
+     base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// Further headers of every reply.
+const HEADERS: [(HeaderName, &str); 5] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
     (header::CACHE_CONTROL, "no-store"),
@@ -73,9 +73,20 @@ pub struct Server {
     thread: Option<thread::JoinHandle<()>>,
 }
 
+/// What a server has in addition to its own page.
+#[derive(Debug, Default)]
+pub struct Extension {
+    /// Further files.
+    pub assets: Vec<Asset>,
+    /// The import map of the page, in JSON; empty for none.
+    pub import_map: String,
+}
+
 struct Shared {
     guard: Guard,
-    assets: BTreeMap<&'static str, Asset>,
+    assets: BTreeMap<String, Asset>,
+    /// The page, in which `{{nonce}}` is to be replaced.
+    page: String,
     program: Arc<dyn Program>,
     feed: Feed,
     requests: Semaphore,
@@ -85,23 +96,30 @@ struct Shared {
 type App = State<Arc<Shared>>;
 
 impl Server {
-    /// Starts a server at an address; port 0 stands for any that is free. `assets` are served in addition to the page.
+    /// Starts a server at an address; port 0 stands for any that is free.
     ///
     /// Errors: the address cannot be used.
     pub fn start(
         listen: SocketAddr,
         program: Arc<dyn Program>,
         feed: Feed,
-        assets: &[Asset],
+        extension: Extension,
     ) -> io::Result<Self> {
         let listener = std::net::TcpListener::bind(listen)?;
         listener.set_nonblocking(true)?;
         let guard = Guard::of(listener.local_addr()?)?;
         let address = format!("http://{}/{}", listener.local_addr()?, guard.query());
-        let assets = PAGE.iter().chain(assets);
+        let assets = FILES.iter().cloned().chain(extension.assets);
+        let imports = match &*extension.import_map {
+            "" => "{}",
+            imports => imports,
+        };
         let shared = Shared {
             guard,
-            assets: assets.map(|asset| (asset.path, *asset)).collect(),
+            assets: assets
+                .map(|asset| (asset.path.to_string(), asset))
+                .collect(),
+            page: PAGE.replace("{{imports}}", imports),
             program,
             feed,
             requests: Semaphore::new(MAX_REQUESTS),
@@ -199,10 +217,16 @@ async fn guarded(State(shared): App, request: Request, next: Next) -> Response {
             },
         },
     };
+    let headers = response.headers_mut();
     for (name, value) in HEADERS {
-        let value = HeaderValue::from_static(value);
-        response.headers_mut().insert(name, value);
+        headers.insert(name, HeaderValue::from_static(value));
     }
+    // The page has one of its own.
+    headers
+        .entry(header::CONTENT_SECURITY_POLICY)
+        .or_insert(HeaderValue::from_static(
+            "default-src 'none'; frame-ancestors 'none'",
+        ));
     response
 }
 
@@ -213,14 +237,30 @@ fn refused((status, message): Refusal) -> Response {
 
 /// Serves a file of the page.
 async fn file(State(shared): App, request: Request) -> Response {
-    let path = match request.uri().path().trim_start_matches('/') {
-        "" => "index.html",
-        path => path,
-    };
-    match shared.assets.get(path) {
+    if request.uri().path() == "/" {
+        return page(&shared);
+    }
+    match shared
+        .assets
+        .get(request.uri().path().trim_start_matches('/'))
+    {
         Some(asset) => ([(header::CONTENT_TYPE, asset.content_type)], asset.bytes).into_response(),
         None => refused((StatusCode::NOT_FOUND, "there is no such page".to_owned())),
     }
+}
+
+fn page(shared: &Shared) -> Response {
+    let Ok(nonce) = random() else {
+        return StatusCode::INTERNAL_SERVER_ERROR.into_response();
+    };
+    let headers = [
+        (header::CONTENT_TYPE, "text/html; charset=utf-8".to_owned()),
+        (
+            header::CONTENT_SECURITY_POLICY,
+            POLICY.replace("NONCE", &nonce),
+        ),
+    ];
+    (headers, shared.page.replace("{{nonce}}", &nonce)).into_response()
 }
 
 /// Passes a request on to the program.

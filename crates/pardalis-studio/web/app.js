@@ -126,7 +126,7 @@ function renderSteps() {
 function renderPictures() {
   const { cameras } = app.state;
   const shown = app.step.showsAll ? cameras : cameras.filter(({ name }) => name === app.camera);
-  const key = JSON.stringify([app.step.id, shown.map(({ name }) => name), app.step.pictureKey?.(app)]);
+  const key = JSON.stringify([app.step.id, shown.map(({ name }) => name), app.step.pictureKey?.(app), Boolean(app.state.run)]);
   const section = byId("pictures");
   if (section.dataset.key !== key) {
     section.dataset.key = key;
@@ -135,17 +135,19 @@ function renderPictures() {
     section.replaceChildren();
     section.classList.toggle("many", shown.length > 1);
     if (cameras.length === 0) section.append(el("p", { class: "empty" }, "Add a camera or a recording to see its picture here."));
+    const above = app.step.above?.(app);
+    if (above) section.append(above);
     if (!app.step.showsAll && cameras.length > 1) {
       const tabs = cameras.map(({ name }) => button(name, () => app.select("camera", name), { "aria-pressed": String(name === app.camera), id: `tab-${name}` }));
       section.append(el("div", { class: "tabs" }, tabs));
     }
     const grid = el("div", { class: "grid" });
-    for (const { name } of shown) {
+    for (const { name } of app.step.hidesPictures?.() ? [] : shown) {
       const picture = new Picture(name, app.step.picture?.(app, name) ?? {});
       app.pictures.set(name, picture);
       grid.append(picture.element);
     }
-    section.append(grid);
+    if (grid.childElementCount > 0) section.append(grid);
     const below = app.step.below?.(app);
     if (below) section.append(below);
     for (const [name, picture] of app.pictures) showLatest(name, picture);

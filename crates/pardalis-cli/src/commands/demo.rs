@@ -40,6 +40,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         mcap: None,
         smooth: false,
         plots: false,
+        report: true,
         progress: true,
         previous: Previous::Replace,
         limit: Limit::default(),

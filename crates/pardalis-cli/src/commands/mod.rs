@@ -16,3 +16,4 @@ pub(crate) mod simulate;
 #[cfg_attr(not(feature = "studio"), path = "without_studio.rs")]
 pub(crate) mod studio;
 pub(crate) mod track;
+pub(crate) mod view;

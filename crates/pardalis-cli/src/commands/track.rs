@@ -43,6 +43,7 @@ const BLIND_SHARE: f64 = 0.1;
   pardalis track ball.toml                       results into the folder ball-tracks
   pardalis track ball.toml -o run7 --annotate    also the frames with contours and particles
   pardalis track ball.toml --smooth              the best track of a recording
+  pardalis track ball.toml --annotate --report   also a page with all of it, for the browser
   pardalis track ball.toml --annotate --explain  why candidates were ruled out
   pardalis track live.toml --duration 60         a minute of a live camera
   pardalis track ball.toml -o - | head           rows to standard output while tracking")]
@@ -97,6 +98,11 @@ pub(crate) struct Arguments {
     /// An earlier recording of that name is replaced. Needs a program that was built with the feature mcap.
     #[arg(long, value_name = "FILE.mcap")]
     mcap: Option<PathBuf>,
+    /// Also writes report.html: a page that shows the tracks in 3D and over time, in any browser and without a network
+    ///
+    /// With --annotate, it contains reduced copies of the frames. `pardalis view` writes such a page of finished tracks. Needs an output folder.
+    #[arg(long)]
+    report: bool,
     /// Draws no plots
     #[arg(long)]
     no_plots: bool,
@@ -142,6 +148,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "--smooth: replaces rows once the recording is over; give -o a folder instead of -"
         ));
     }
+    if arguments.report && to_stdout {
+        return Err(user_error!(
+            "--report: writes report.html into the output folder; give -o a folder instead of -"
+        ));
+    }
     let options = Options {
         output,
         seed: arguments.seed,
@@ -156,6 +167,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         mcap: arguments.mcap.clone(),
         smooth: arguments.smooth,
         plots: !arguments.no_plots,
+        report: arguments.report,
         progress: true,
         previous: Previous::Keep,
         limit: Limit {

@@ -44,16 +44,16 @@ impl CameraSymbol {
 
     /// Puts the camera at the last of its poses in the world, which it has reached through the others.
     #[must_use]
-    pub(crate) fn moved(self, poses: &[Pose]) -> Self {
-        let Some(latest) = poses.last() else {
+    pub(crate) fn moved<'p>(
+        self,
+        poses: impl DoubleEndedIterator<Item = &'p Pose> + Clone,
+    ) -> Self {
+        let Some(latest) = poses.clone().next_back() else {
             return self;
         };
         Self {
             world_from_camera: *latest,
-            way_m: poses
-                .iter()
-                .map(|pose| pose.translation.vector.into())
-                .collect(),
+            way_m: poses.map(|pose| pose.translation.vector.into()).collect(),
             ..self
         }
     }

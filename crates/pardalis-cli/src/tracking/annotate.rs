@@ -15,14 +15,12 @@ use crate::draw::overlay::{Overlay, Zoomed, annotated};
 use crate::draw::picture::{picture_of, write_picture};
 use crate::files::refuse_links;
 use crate::output::Shown;
+use crate::report::ANNOTATED;
 use crate::user_error::user_error;
-
-/// The folder of annotated frames among the results.
-const FOLDER: &str = "annotated";
 
 /// Removes the frames of an earlier run from its results, which would be of other rows, and folders that are empty then.
 pub(super) fn remove_old(output: &Path) {
-    let folder = output.join(FOLDER);
+    let folder = output.join(ANNOTATED);
     // Through a link, frames elsewhere would be removed.
     let is_folder =
         |path: &PathBuf| fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_dir());
@@ -66,7 +64,7 @@ pub(crate) struct Annotator {
 impl Annotator {
     /// Creates the folder `annotated`, with one subfolder per camera if there are several.
     pub(crate) fn create(output: &Path, scene: &Scene, options: &Options) -> Result<Self> {
-        let folder = output.join(FOLDER);
+        let folder = output.join(ANNOTATED);
         let camera_folders: Vec<PathBuf> = match &scene.cameras[..] {
             [_] => vec![folder.clone()],
             cameras => cameras

@@ -36,6 +36,7 @@ use crate::files::refuse_links;
 use crate::interrupt::{self, Stop};
 use crate::output::warn;
 use crate::platforms;
+use crate::report::{self, PageCamera, PageScene};
 use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
@@ -52,6 +53,7 @@ use recorder::Recorder;
 use rows::Rows;
 pub(crate) use series::{CrowdCounts, SeriesCollector, truth_series};
 use smoothed::SmoothedTracks;
+pub(crate) use summary::FILE as SUMMARY;
 pub(crate) use tracked::Tracked;
 pub(crate) use watch::Watch;
 
@@ -76,6 +78,8 @@ pub(crate) struct Options {
     pub(crate) smooth: bool,
     /// Whether to draw plots.
     pub(crate) plots: bool,
+    /// Whether to write a page that shows the tracks; needs a folder.
+    pub(crate) report: bool,
     /// Whether to show a progress bar on a terminal.
     pub(crate) progress: bool,
     /// What becomes of the rows of an earlier run in the same place, and of their summary.
@@ -274,7 +278,7 @@ pub(crate) fn run_steps(
         None => None,
     };
     let mut watched = match &options.watch {
-        Some(watch) => Some(watch.sink(&open.scene)),
+        Some(watch) => Some(watch.sink(scene_path, &open.scene, &open.tracker)),
         None => None,
     };
     let mut series = SeriesCollector::new(&open.scene);
@@ -323,14 +327,19 @@ pub(crate) fn run_steps(
             files.extend(smoothed.write(folder)?);
             series.replace(smoothed.samples());
         }
-        files.push(summary::write(
+        let (summary_path, summary) = summary::write(
             folder,
             scene_path,
             &open,
             &outcome,
             (&series, &missed),
             pool.current_num_threads(),
-        )?);
+        )?;
+        files.push(summary_path);
+        if options.report {
+            let scene = page_scene(scene_path, &open, &series);
+            files.push(write_report(folder, scene, &summary)?);
+        }
         if options.plots {
             files.extend(series.draw(folder, &open.scene, &[])?);
         }
@@ -352,6 +361,26 @@ pub(crate) fn run_steps(
         missed,
         files,
     })
+}
+
+/// Returns what a page shows of the scene.
+fn page_scene(scene_path: &Path, open: &OpenScene, series: &SeriesCollector) -> PageScene {
+    let views = open.tracker.views().iter().enumerate();
+    let cameras = views.map(|(number, view)| PageCamera {
+        size_px: Some(view.size()),
+        path: series.poses(number).to_vec(),
+    });
+    let cameras: Vec<_> = cameras.collect();
+    PageScene::new(report::title(scene_path), &open.scene, &cameras)
+}
+
+/// Writes the page of the rows in a folder, and returns its name.
+fn write_report(folder: &Path, scene: PageScene, summary: &serde_json::Value) -> Result<PathBuf> {
+    let (path, rows) = (folder.join(report::REPORT), folder.join(ROWS));
+    // A crowd without members has none.
+    let rows = previous::has_rows(&rows).then_some(&*rows);
+    report::write(&path, (rows, folder), scene, Some(summary), Vec::new())?;
+    Ok(path)
 }
 
 /// Makes sure that results replace nothing but those of an earlier run, and keeps its rows if that is asked for.
@@ -384,16 +413,18 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
 const ROWS: &str = "tracks.csv";
 
 /// The files of results in a folder, besides pictures and particles.
-const RESULTS: [&str; 6] = [
+const RESULTS: [&str; 8] = [
     ROWS,
     summary::FILE,
     CandidateRows::FILE,
     CrossingRows::FILE,
     smoothed::FILTERED,
     smoothed::EVENTS,
+    report::REPORT,
+    report::VIEW,
 ];
 
-/// Removes the summary, the pictures, the candidates, the unsmoothed rows, the events and the particles of an earlier run, which would not be of
+/// Removes the summary, the pictures, the pages, the candidates, the unsmoothed rows, the events and the particles of an earlier run, which would not be of
 /// the new rows.
 fn remove_old(folder: &Path) {
     let plots = TRACK_PLOTS

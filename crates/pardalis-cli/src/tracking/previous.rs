@@ -72,7 +72,7 @@ pub(super) fn is_previous(path: &Path) -> bool {
 }
 
 /// Reports whether a header line is followed by anything. What cannot be read may have rows.
-fn has_rows(table: &Path) -> bool {
+pub(super) fn has_rows(table: &Path) -> bool {
     let Ok(file) = File::open(table) else {
         return true;
     };

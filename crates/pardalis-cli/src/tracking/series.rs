@@ -33,8 +33,8 @@ pub(crate) struct SeriesCollector {
     states: Vec<StateCounts>,
     /// One per target.
     crowds: Vec<CrowdCounts>,
-    /// The poses of each camera in the world; none for cameras at rest.
-    poses: Vec<Option<Thinned<Pose>>>,
+    /// The poses of each camera in the world, by times in seconds; none for cameras at rest.
+    poses: Vec<Option<Thinned<(f64, Pose)>>>,
 }
 
 /// The first of all samples, and every second, fourth and so on if there are many.
@@ -141,6 +141,12 @@ impl SeriesCollector {
         }
     }
 
+    /// Returns the poses of a camera in the world, by times in seconds; none if it is at rest.
+    pub(super) fn poses(&self, camera: usize) -> &[(f64, Pose)] {
+        let poses = self.poses[camera].as_ref();
+        poses.map_or(&[], |poses| &poses.samples)
+    }
+
     /// Draws the plots into a folder, with the truth if it is known.
     pub(crate) fn draw(
         &self,
@@ -159,10 +165,8 @@ impl SeriesCollector {
         let tracks: Vec<_> = tracks.collect();
         let moved = |symbol: CameraSymbol| {
             let number = scene.cameras.iter().position(|c| c.name == symbol.name);
-            match number.and_then(|number| self.poses[number].as_ref()) {
-                Some(poses) => symbol.moved(&poses.samples),
-                None => symbol,
-            }
+            let poses = number.map_or(&[][..], |number| self.poses(number));
+            symbol.moved(poses.iter().map(|(_, pose)| pose))
         };
         let cameras = CameraSymbol::of_scene(scene).into_iter().map(moved);
         write_track_plots(folder, &tracks, &truth, &cameras.collect::<Vec<_>>())
@@ -186,7 +190,7 @@ impl Sink for SeriesCollector {
         let views = instant.tracker.views().iter();
         for (poses, view) in self.poses.iter_mut().zip(views) {
             if let Some(poses) = poses {
-                poses.push(*view.world_from_camera());
+                poses.push((instant.time_s, *view.world_from_camera()));
             }
         }
         for tracked in instant.tracked {

@@ -1,10 +1,11 @@
 //! A run that is shown while it goes on: images with what is drawn over them, the state of each target, and the rows so far.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Result;
-use pardalis::{CameraId, Frame};
+use pardalis::{CameraId, Frame, Tracker};
 use pardalis_scene::Scene;
 use pardalis_studio::Feed;
 use serde_json::{Map, Value, json};
@@ -14,6 +15,7 @@ use super::rows::{HEADER, write_row};
 use super::{Instant, Sink};
 use crate::draw::overlay::{Mark, Note, Shape};
 use crate::draw::picture::{jpeg_of, picture_of};
+use crate::report::{self, PageCamera, PageScene};
 use crate::timing::now_s;
 
 /// The shortest time between two images of a camera, and between two messages about the state, in seconds. Hand-set: as many as people see.
@@ -77,7 +79,15 @@ impl Watch {
         json!({ "first": first.max(so_far.dropped), "next": next, "targets": targets })
     }
 
-    pub(super) fn sink(&self, scene: &Scene) -> WatchSink {
+    /// Shows the scene in the file at `scene_path`, and then its run.
+    pub(super) fn sink(&self, scene_path: &Path, scene: &Scene, tracker: &Tracker) -> WatchSink {
+        let cameras = tracker.views().iter().map(|view| PageCamera {
+            size_px: Some(view.size()),
+            path: Vec::new(),
+        });
+        let cameras: Vec<PageCamera> = cameras.collect();
+        let page = PageScene::new(report::title(scene_path), scene, &cameras);
+        self.feed.show("scene", &json!(page));
         WatchSink {
             watch: self.clone(),
             marker: Marker::new(&scene.targets, true, true),

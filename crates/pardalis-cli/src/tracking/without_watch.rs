@@ -1,6 +1,9 @@
 //! In place of `watch.rs` in programs that are built without the studio: nothing is shown.
 
+use std::path::Path;
+
 use anyhow::Result;
+use pardalis::Tracker;
 use pardalis_scene::Scene;
 
 use super::{Instant, Sink};
@@ -10,7 +13,7 @@ use super::{Instant, Sink};
 pub(crate) enum Watch {}
 
 impl Watch {
-    pub(super) fn sink(&self, _: &Scene) -> WatchSink {
+    pub(super) fn sink(&self, _: &Path, _: &Scene, _: &Tracker) -> WatchSink {
         match *self {}
     }
 }

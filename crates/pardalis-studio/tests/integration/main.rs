@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::Duration;
 
-use pardalis_studio::{Asset, Feed, Program, Server};
+use pardalis_studio::{Asset, Extension, Feed, Program, Server};
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest as _;
 use tungstenite::{Message, WebSocket};
@@ -104,13 +104,25 @@ fn the_page_its_files_and_requests_are_answered_with_strict_headers() {
     assert_eq!(status(&page), 200);
     assert!(page.contains("<title>Pardalis studio</title>"), "{page}");
     for header in [
-        "content-security-policy: default-src 'none'; script-src 'self';",
+        "content-security-policy: default-src 'none'; script-src 'self' 'nonce-",
         "x-content-type-options: nosniff",
         "referrer-policy: no-referrer",
         "cross-origin-resource-policy: same-origin",
     ] {
         assert!(page.contains(header), "{page}");
     }
+    // Only the list of modules with the nonce of this reply is part of the page.
+    let nonce = page
+        .split("'nonce-")
+        .nth(1)
+        .unwrap()
+        .split('\'')
+        .next()
+        .unwrap();
+    assert_eq!(nonce.len(), 32);
+    let imports = format!("nonce=\"{nonce}\">{{\"imports\": {{\"a\": \"/extra/a.js\"}}}}</script>");
+    assert!(page.contains(&imports), "{page}");
+    assert!(!get(address, "/", "").contains(nonce));
     // Other origins may read nothing.
     assert!(!page.to_lowercase().contains("access-control-allow"));
     assert!(get(address, "/extra/a.js", "").ends_with("export {};"));

@@ -1,7 +1,53 @@
 // Step 6: the run.
 
+import { ask } from "../connection.js";
 import { button, el, fixed } from "../elements.js";
 import { drawMarks } from "../picture.js";
+
+/** How often rows are fetched while the viewer is shown. */
+const FETCH_MS = 200;
+
+/** Whether the viewer is shown in place of the pictures; it, and the number of the next row. */
+let isViewer = false;
+let viewer = null;
+let next = 0;
+let fetching = null;
+
+/** Shows the viewer with the rows so far, and keeps fetching those that come. */
+async function openViewer(app, host) {
+  closeViewer();
+  const { Viewer } = await import("pardalis/viewer.js");
+  if (!host.isConnected) return;
+  viewer = new Viewer(host);
+  const scene = app.latest.get("scene");
+  if (scene) viewer.setScene(scene);
+  next = 0;
+  fetching = setTimeout(fetchRows, 0, app, viewer);
+}
+
+async function fetchRows(app, shown) {
+  let pause_ms = FETCH_MS;
+  try {
+    const rows = await ask("rows", { from: next });
+    if (shown !== viewer) return;
+    if (rows.next > next || rows.first > next) {
+      viewer.append(rows.targets);
+      // More may be waiting.
+      pause_ms = 0;
+    }
+    next = rows.next;
+  } catch {
+    // The page says that the program does not answer.
+    pause_ms = 2000;
+  }
+  if (shown === viewer) fetching = setTimeout(fetchRows, pause_ms || 20, app, shown);
+}
+
+function closeViewer() {
+  clearTimeout(fetching);
+  viewer?.dispose();
+  viewer = null;
+}
 
 const COLORS = { tracking: "good", occluded: "fair", lost: "bad", searching: "fair" };
 
@@ -41,7 +87,30 @@ export const track = {
   isDone: ({ state }) => Boolean(state.run && !state.run.goes_on && !state.run.error),
   hint: ({ state }) => (state.run?.goes_on ? "The white line is the best fit, the dots are hypotheses." : "Everything set? Start, and see whether the outlines stay on the object."),
   picture: (app) => ({ draw: (context, px, about) => about.marks && drawMarks(context, px, about) }),
-  told: (app, topic) => topic === "track" && updateNow(app),
+  pictureKey: () => isViewer,
+  hidesPictures: () => isViewer,
+  above: (app) => {
+    const tab = (is, text, id) => button(text, () => { isViewer = is; app.render(); }, { id, "aria-pressed": String(isViewer === is), disabled: is && !app.state.run });
+    return el("div", { class: "tabs" }, tab(false, "Pictures", "show-pictures"), tab(true, "3D and plots", "show-viewer"));
+  },
+  below: (app) => {
+    closeViewer();
+    if (!isViewer) return null;
+    const host = el("div", { id: "viewer" });
+    // Once it is part of the page.
+    setTimeout(openViewer, 0, app, host);
+    return host;
+  },
+  leave: closeViewer,
+  told: (app, topic, value) => {
+    if (topic === "track") updateNow(app);
+    if (topic === "scene" && viewer) {
+      // Another run.
+      viewer.setTracks({});
+      viewer.setScene(value);
+      next = 0;
+    }
+  },
 
   render(app) {
     const { run } = app.state;

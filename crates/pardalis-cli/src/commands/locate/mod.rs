@@ -146,6 +146,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         mcap: None,
         smooth: false,
         plots: false,
+        report: false,
         progress: true,
         previous: Previous::Keep,
         limit: Limit::default(),

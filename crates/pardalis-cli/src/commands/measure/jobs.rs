@@ -42,6 +42,7 @@ impl Job<'_> {
             mcap: None,
             smooth: self.run.method == Method::Smooth,
             plots: false,
+            report: false,
             progress: false,
             previous: Previous::Replace,
             limit: Limit::default(),

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Result;
-use pardalis_studio::{Feed, Server};
+use pardalis_studio::{Asset, Extension, Feed, Program, Server};
 
 use crate::interrupt;
 use crate::output::{Shown, print, warn};
@@ -68,17 +68,30 @@ pub(crate) struct PageOptions {
 }
 
 impl PageOptions {
-    pub(crate) fn address(&self) -> SocketAddr {
+    /// Serves the page, with the viewer of tracks, and prints its address.
+    pub(crate) fn serve(&self, program: Arc<dyn Program>, feed: Feed) -> Result<Server> {
         let ip = self.listen.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST));
-        SocketAddr::new(ip, self.port)
-    }
-
-    /// Explains why the page cannot be served.
-    pub(crate) fn refused(&self, error: &std::io::Error) -> anyhow::Error {
-        user_error!(
-            "{}: the page cannot be served there: {error}; choose another --port, or an address of this computer with --listen",
-            self.address()
-        )
+        let address = SocketAddr::new(ip, self.port);
+        let folder = "viewer/";
+        let assets = pardalis_viewer::ASSETS.iter().map(|asset| Asset {
+            path: format!("{folder}{}", asset.path).into(),
+            content_type: asset.content_type,
+            bytes: asset.bytes,
+        });
+        let extension = Extension {
+            assets: assets.collect(),
+            import_map: pardalis_viewer::import_map(&format!("/{folder}")),
+        };
+        let server = Server::start(address, program, feed, extension).map_err(|error| {
+            user_error!(
+                "{address}: the page cannot be served there: {error}; choose another --port, or an address of this computer with --listen"
+            )
+        })?;
+        print(format!(
+            "Open {} in a browser; Ctrl-C ends it.",
+            server.address()
+        ));
+        Ok(server)
     }
 }
 
@@ -124,12 +137,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     session.follow();
     interrupt::listen();
     let program = Arc::clone(&session);
-    let server = Server::start(arguments.page.address(), program, feed, &[])
-        .map_err(|error| arguments.page.refused(&error))?;
-    print(format!(
-        "Open {} in a browser; Ctrl-C ends it.",
-        server.address()
-    ));
+    let server = arguments.page.serve(program, feed)?;
     while !interrupt::requested() {
         std::thread::sleep(POLL);
     }

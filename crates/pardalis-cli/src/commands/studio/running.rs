@@ -57,6 +57,7 @@ impl Running {
             mcap: None,
             smooth: false,
             plots: true,
+            report: false,
             progress: false,
             previous: Previous::Keep,
             limit: Limit::default(),

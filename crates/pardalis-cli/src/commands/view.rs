@@ -1,0 +1,159 @@
+//! `pardalis view`: shows finished tracks in a browser.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis_scene::Scene;
+use serde_json::Value;
+
+use crate::files::refuse_foreign;
+use crate::output::{Shown, print, warn};
+use crate::report::{self, PageCamera, PageScene};
+use crate::scene::problems_in;
+use crate::scene_files::{read_calibration, read_text};
+use crate::tracking::SUMMARY;
+use crate::user_error::user_error;
+
+/// Shows finished tracks in 3D, over time and in numbers
+///
+/// Writes a page and opens it in the browser. The page contains all that it shows, and loads nothing: it can be moved and shared.
+///
+/// Cameras and shapes are those of the scene that summary.json beside the tracks names, if it can still be read. Annotated frames (`track --annotate`) beside them are
+/// part of the page as reduced copies, as many as fit into 20 MB.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis view ball-tracks                     the track in this folder
+  pardalis view ball-tracks/filtered.csv        before smoothing
+  pardalis view ball-tracks -o ball.html --no-open")]
+pub(crate) struct Arguments {
+    /// tracks.csv, or the folder that holds it
+    tracks: PathBuf,
+    /// The page [default: view.html beside the tracks]
+    #[arg(short, long, value_name = "FILE.html")]
+    output: Option<PathBuf>,
+    /// Only writes the page
+    #[arg(long)]
+    no_open: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let tracks = if arguments.tracks.is_dir() {
+        arguments.tracks.join("tracks.csv")
+    } else {
+        arguments.tracks.clone()
+    };
+    let folder = match tracks.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let page = match &arguments.output {
+        Some(page) => page.clone(),
+        None => folder.join(report::VIEW),
+    };
+    refuse_foreign("-o", &page, "page of pardalis view", report::is_page)?;
+    let summary = read_summary(&folder.join(SUMMARY))?;
+    let mut notes = Vec::new();
+    let scene = match &summary {
+        Some(summary) => scene_of(summary, folder).unwrap_or_else(|problem| {
+            warn(format!("{problem}; the page shows no cameras"));
+            notes.push(format!("Without cameras and shapes: {problem}."));
+            PageScene::of_balls(title_of(summary), &diameters_m(summary))
+        }),
+        None => {
+            notes.push(format!(
+                "Without cameras, shapes and settings: there is no {SUMMARY} beside the tracks."
+            ));
+            PageScene::of_balls(report::title(&tracks), &[])
+        }
+    };
+    report::write(
+        &page,
+        (Some(&tracks), folder),
+        scene,
+        summary.as_ref(),
+        notes,
+    )?;
+    print(page.shown());
+    if !arguments.no_open
+        && let Err(error) = open::that_detached(&page)
+    {
+        warn(format!(
+            "no browser can be opened here ({error}); open the page yourself"
+        ));
+    }
+    Ok(())
+}
+
+/// Reads the summary of a run; `None` if there is none.
+fn read_summary(path: &Path) -> Result<Option<Value>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let summary: Value = serde_json::from_str(&read_text(path)?).map_err(|error| {
+        user_error!(
+            "{}: is no summary of pardalis track: {error}; remove it, or track again",
+            path.shown()
+        )
+    })?;
+    Ok(Some(summary))
+}
+
+/// Returns the scene that a summary names, if it can still be read. Models that were found in images are those in the summary.
+fn scene_of(summary: &Value, folder: &Path) -> Result<PageScene, String> {
+    let named = Path::new(summary["scene"].as_str().unwrap_or_default());
+    // Where the run was started is not recorded: most likely here, or in a folder above the results.
+    let places = [Path::new("")].into_iter().chain(folder.ancestors());
+    let mut paths = places.map(|place| place.join(named));
+    let path = paths.find(|path| path.is_file()).ok_or_else(|| {
+        format!(
+            "the scene {} is not found, neither here nor in a folder above the tracks",
+            named.shown()
+        )
+    })?;
+    let text = read_text(&path).map_err(|error| format!("{error:#}"))?;
+    let scene_folder = path.parent().unwrap_or(Path::new(""));
+    let parse = |replaced: &toml::Table| {
+        let scene = Scene::parse_without_inputs(&text, replaced, &|file, lens| {
+            read_calibration(scene_folder, file, lens)
+        });
+        scene.map_err(|problems| format!("{:#}", problems_in("scene", &path, &problems)))
+    };
+    let mut scene = parse(&toml::Table::new())?;
+    let by_rectangle = scene.cameras.iter().filter(|c| c.rectangle.is_some());
+    let found: toml::Table = by_rectangle
+        .filter_map(|camera| {
+            let model = &summary["settings"]["cameras"][&camera.name]["model"];
+            let key = format!("cameras.{}.model", camera.name);
+            Some((key, toml::Value::try_from(model).ok()?))
+        })
+        .collect();
+    if !found.is_empty() {
+        scene = parse(&found)?;
+    }
+    let cameras = scene.cameras.iter().map(|camera| PageCamera {
+        size_px: size_px(summary, &camera.name),
+        path: Vec::new(),
+    });
+    let cameras: Vec<_> = cameras.collect();
+    Ok(PageScene::new(report::title(&path), &scene, &cameras))
+}
+
+/// Returns the size of a camera's images.
+fn size_px(summary: &Value, camera: &str) -> Option<(usize, usize)> {
+    let size_px = &summary["cameras"][camera]["source"]["size_px"];
+    let side = |number: usize| usize::try_from(size_px[number].as_u64()?).ok();
+    Some((side(0)?, side(1)?))
+}
+
+/// Returns the targets of a summary with their diameters in metres.
+fn diameters_m(summary: &Value) -> Vec<(String, f64)> {
+    let targets = summary["targets"].as_object().into_iter().flatten();
+    let known =
+        targets.filter_map(|(name, target)| Some((name.clone(), target["diameter_m"].as_f64()?)));
+    known.collect()
+}
+
+fn title_of(summary: &Value) -> String {
+    report::title(Path::new(summary["scene"].as_str().unwrap_or_default()))
+}

@@ -1,0 +1,76 @@
+//! Pages that show tracks in a browser: the data of `pardalis-viewer`, whose `web/viewer.js` describes them.
+
+mod frames;
+mod scene;
+mod tracks;
+
+use std::path::Path;
+
+use anyhow::Result;
+use serde::Serialize;
+
+use crate::files::write_file;
+pub(crate) use scene::{PageCamera, PageScene};
+
+/// The pages that `track --report` and `view` write among the results.
+pub(crate) const REPORT: &str = "report.html";
+pub(crate) const VIEW: &str = "view.html";
+
+/// What every page begins with.
+const GENERATOR: &str = "<meta name=\"generator\" content=\"pardalis-viewer\">";
+
+/// The folder of annotated frames among the results.
+pub(crate) const ANNOTATED: &str = "annotated";
+
+#[derive(Serialize)]
+struct Data<'a> {
+    scene: &'a PageScene,
+    tracks: tracks::TrackColumns,
+    summary: Option<&'a serde_json::Value>,
+    notes: Vec<String>,
+}
+
+/// Writes a page into the file at `path`. It shows the rows in `tracks`, if there are any, and the frames in the folder [`ANNOTATED`] beside them, in which the outlines
+/// are drawn; `notes` are shown with it.
+///
+/// Errors: the rows are no tracks, or the page cannot be written.
+pub(crate) fn write(
+    path: &Path,
+    (tracks, folder): (Option<&Path>, &Path),
+    mut scene: PageScene,
+    summary: Option<&serde_json::Value>,
+    mut notes: Vec<String>,
+) -> Result<()> {
+    let read = tracks.map(tracks::read).transpose()?.unwrap_or_default();
+    notes.extend(read.note);
+    let (frames, note) = frames::read(&folder.join(ANNOTATED), &read.times_s, &scene)?;
+    scene.frames = frames;
+    notes.extend(note);
+    let title = scene.title.clone();
+    let data = Data {
+        scene: &scene,
+        tracks: read.columns,
+        summary,
+        notes,
+    };
+    let page = pardalis_viewer::page(&serde_json::to_string(&data)?, &title);
+    write_file(path, page.as_bytes())
+}
+
+/// Returns the title of the page of a scene: the name of its file, or of its folder if that is only `scene.toml`.
+pub(crate) fn title(scene_path: &Path) -> String {
+    let path = scene_path.canonicalize();
+    let path = path.as_deref().unwrap_or(scene_path);
+    let stem = path.file_stem().unwrap_or_default();
+    let folder = path.parent().and_then(Path::file_name);
+    let name = folder.filter(|_| stem == "scene").unwrap_or(stem);
+    name.to_string_lossy().into_owned()
+}
+
+/// Reports whether a file is a page of the viewer, which another may replace.
+pub(crate) fn is_page(path: &Path) -> bool {
+    use std::io::Read as _;
+    let mut start = Vec::new();
+    let read = std::fs::File::open(path).and_then(|file| file.take(1024).read_to_end(&mut start));
+    read.is_ok() && String::from_utf8_lossy(&start).contains(GENERATOR)
+}

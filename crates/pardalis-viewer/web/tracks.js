@@ -1,0 +1,145 @@
+// Tracks as columns that grow, and the times of all of them.
+
+/** The states of a target, in the order of their codes. */
+export const STATES = ["searching", "tracking", "occluded", "lost"];
+
+const NUMBERS = [
+  "time_s", "frame", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps", "heading_rad",
+  "xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2", "confidence", "radius_m", "sigma_radius_m", "sigma_heading_rad",
+];
+
+/** One target: columns by name, of which the first `length` entries count; missing numbers are NaN. */
+export class Track {
+  constructor(name) {
+    this.name = name;
+    this.length = 0;
+    this.state = new Uint8Array(0);
+    for (const column of NUMBERS) this[column] = new Float64Array(0);
+  }
+
+  /** Adds rows: columns of numbers or null, and states by name. Columns may be missing. Rows without a time are left out. */
+  append(columns) {
+    const times = columns.time_s ?? [];
+    this.#reserve(this.length + times.length);
+    for (let row = 0; row < times.length; row++) {
+      if (!Number.isFinite(times[row])) continue;
+      for (const name of NUMBERS) {
+        this[name][this.length] = columns[name]?.[row] ?? NaN;
+      }
+      this.state[this.length] = Math.max(0, STATES.indexOf(columns.state?.[row] ?? "tracking"));
+      this.length++;
+    }
+    this.#sort();
+  }
+
+  #reserve(length) {
+    if (length <= this.state.length) return;
+    const capacity = Math.max(length, 2 * this.state.length);
+    for (const name of [...NUMBERS, "state"]) {
+      const grown = new this[name].constructor(capacity);
+      grown.set(this[name]);
+      this[name] = grown;
+    }
+  }
+
+  #sort() {
+    const times = this.time_s;
+    let row = 1;
+    while (row < this.length && times[row - 1] <= times[row]) row++;
+    if (row >= this.length) return;
+    const order = Array.from({ length: this.length }, (_, index) => index);
+    order.sort((a, b) => times[a] - times[b]);
+    for (const name of [...NUMBERS, "state"]) {
+      const old = this[name].slice(0, this.length);
+      order.forEach((from, to) => (this[name][to] = old[from]));
+    }
+  }
+
+  /** Returns the index of the row at exactly this time, or −1. */
+  rowAt(time_s) {
+    const row = this.lastRow(time_s);
+    return row >= 0 && this.time_s[row] === time_s ? row : -1;
+  }
+
+  /** Returns the index of the last row that is not after this time, or −1. */
+  lastRow(time_s) {
+    return lastAtOrBefore(this.time_s, this.length, time_s);
+  }
+
+  /** Returns the position of a row, or null. */
+  position(row) {
+    const place = [this.x_m[row], this.y_m[row], this.z_m[row]];
+    return place.every(Number.isFinite) ? place : null;
+  }
+
+  /** Whether any row has a value in this column. */
+  has(column) {
+    const values = this[column];
+    for (let row = 0; row < this.length; row++) if (Number.isFinite(values[row])) return true;
+    return false;
+  }
+}
+
+/** All targets, in the order in which they came, and the times that they have rows at. */
+export class Tracks {
+  constructor() {
+    this.all = new Map();
+    this.times = [];
+    this.frames = [];
+  }
+
+  /** Adds rows of targets by name. */
+  append(rows) {
+    let isLater = true;
+    const newest = this.newest();
+    const added = new Map();
+    for (const [name, columns] of Object.entries(rows)) {
+      if (!this.all.has(name)) this.all.set(name, new Track(name));
+      this.all.get(name).append(columns);
+      (columns.time_s ?? []).forEach((time_s, row) => {
+        if (!Number.isFinite(time_s)) return;
+        if (!(time_s > newest) && this.times.length > 0) isLater = time_s === newest && isLater;
+        if (time_s !== newest || this.times.length === 0) added.set(time_s, columns.frame?.[row] ?? NaN);
+      });
+    }
+    if (!isLater) {
+      added.clear();
+      for (const track of this.all.values()) {
+        for (let row = 0; row < track.length; row++) added.set(track.time_s[row], track.frame[row]);
+      }
+      this.times = [];
+      this.frames = [];
+    }
+    const times = Float64Array.from(added.keys()).sort();
+    for (const time_s of times) {
+      this.times.push(time_s);
+      this.frames.push(added.get(time_s));
+    }
+  }
+
+  /** Returns the index of the last time that is not after this one, or 0. */
+  indexAt(time_s) {
+    return Math.max(0, lastAtOrBefore(this.times, this.times.length, time_s));
+  }
+
+  newest() {
+    return this.times.at(-1) ?? NaN;
+  }
+
+  /** Returns the usual time between rows, in seconds. */
+  step() {
+    const { times } = this;
+    return times.length < 2 ? 0.04 : (times.at(-1) - times[0]) / (times.length - 1);
+  }
+}
+
+/** Returns the index of the last of `length` ascending values that is not above this one, or −1. */
+export function lastAtOrBefore(values, length, value) {
+  let [low, high] = [0, length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (values[middle] <= value) low = middle + 1;
+    else high = middle;
+  }
+  return low - 1;
+}

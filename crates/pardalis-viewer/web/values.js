@@ -1,0 +1,90 @@
+// The numbers at the present time: of the selected target in full, and a table of all if there are several.
+import { theme } from "pardalis/colors.js";
+import { element } from "pardalis/dom.js";
+import { length, lengthDecimals, number, seconds, twoSigma } from "pardalis/format.js";
+import { STATES } from "pardalis/tracks.js";
+
+export class Values {
+  /** `select(name)` is called when the user picks a target. */
+  constructor(host, select) {
+    this.select = select;
+    this.facts = element("dl", { class: "pv-facts", "aria-label": "Values at the present time" });
+    this.axes = element("tbody");
+    const columns = ["", "position", "± 2σ", "velocity"].map((text) => element("th", { scope: "col" }, text));
+    this.vectors = element("table", { class: "pv-vectors" }, element("thead", {}, element("tr", {}, ...columns)), this.axes);
+    this.body = element("tbody");
+    const heads = ["target", "x", "y", "z", "speed"].map((text) => element("th", { scope: "col" }, text));
+    this.heads = element("tr", {}, ...heads);
+    this.table = element("div", { class: "pv-all", tabindex: "0", "aria-label": "All targets" }, element("table", {}, element("thead", {}, this.heads), this.body));
+    host.append(element("div", { class: "pv-panel" }, this.facts, this.vectors), this.table);
+    this.rows = new Map();
+  }
+
+  /** Shows the values at a time that rows have, of a frame of this number. */
+  show(tracks, selected, time_s, frame, units) {
+    this.#showFacts(tracks.all.get(selected), time_s, frame, units);
+    this.table.hidden = tracks.all.size < 2;
+    if (!this.table.hidden) this.#showAll(tracks, selected, time_s, units);
+  }
+
+  #showFacts(track, time_s, frame, units) {
+    const row = track ? track.rowAt(time_s) : -1;
+    const at = (column) => (row < 0 ? NaN : track[column][row]);
+    const state = row < 0 ? null : track.state[row];
+    const dot = state === null ? "" : element("i", { class: "pv-dot", style: `background: ${theme().states[state]}` });
+    const facts = [["time", Number.isFinite(frame) ? `frame ${frame}` : "", seconds(time_s)]];
+    if (track) facts.push(["state", dot, state === null ? "not there" : STATES[state]]);
+    facts.push(["confidence", "", number(at("confidence"), 3)]);
+    facts.push(["speed", "", unit(number(Math.hypot(at("vx_mps"), at("vy_mps"), at("vz_mps")), 2), `${units}/s`)]);
+    if (Number.isFinite(at("heading_rad"))) {
+      const degrees = (radians) => number((radians * 180) / Math.PI, 1) + "°";
+      const sigma = at("sigma_heading_rad");
+      facts.push(["heading", Number.isFinite(sigma) ? `± ${degrees(2 * sigma)}` : "", degrees(at("heading_rad"))]);
+    }
+    if (Number.isFinite(at("radius_m"))) facts.push(["radius", `± ${twoSigma(at("sigma_radius_m") ** 2, units)}`, length(at("radius_m"), units)]);
+    this.facts.replaceChildren(...facts.map(([name, more, value]) => element("div", { "data-value": name },
+      element("dt", {}, name), element("dd", { class: "pv-more" }, more), element("dd", {}, value))));
+    const axes = ["x", "y", "z"].map((axis) => element("tr", { "data-value": axis },
+      element("th", { scope: "row" }, axis),
+      element("td", {}, length(at(`${axis}_m`), units)),
+      element("td", { class: "pv-more" }, Number.isFinite(at(`${axis}_m`)) ? twoSigma(at(`${axis}${axis}_m2`), units) : ""),
+      element("td", {}, unit(number(at(`v${axis}_mps`), 2), `${units}/s`))));
+    this.axes.replaceChildren(...axes);
+  }
+
+  #showAll(tracks, selected, time_s, units) {
+    const decimals = lengthDecimals(units);
+    for (const [name, row] of this.rows) {
+      if (tracks.all.has(name)) continue;
+      row.tr.remove();
+      this.rows.delete(name);
+    }
+    for (const track of tracks.all.values()) {
+      if (!this.rows.has(track.name)) this.rows.set(track.name, this.#addRow(track.name));
+      const { tr, dot, cells } = this.rows.get(track.name);
+      const row = track.rowAt(time_s);
+      tr.className = row < 0 ? "pv-absent" : "";
+      tr.setAttribute("aria-selected", String(track.name === selected));
+      dot.style.background = row < 0 ? "transparent" : theme().states[track.state[row]];
+      dot.title = row < 0 ? "not there" : STATES[track.state[row]];
+      const at = (column) => (row < 0 ? NaN : track[column][row]);
+      const speed = Math.hypot(at("vx_mps"), at("vy_mps"), at("vz_mps"));
+      const texts = [number(at("x_m"), decimals), number(at("y_m"), decimals), number(at("z_m"), decimals), number(speed, 2)];
+      texts.forEach((text, column) => (cells[column].textContent = text));
+    }
+  }
+
+  #addRow(name) {
+    const dot = element("i", { class: "pv-dot" });
+    const cells = Array.from({ length: 4 }, () => element("td"));
+    const button = element("button", { type: "button", onclick: () => this.select(name) }, dot, name);
+    const tr = element("tr", {}, element("th", { scope: "row" }, button), ...cells);
+    this.body.append(tr);
+    return { tr, dot, cells };
+  }
+}
+
+/** A number with its unit, unless there is none. */
+function unit(text, units) {
+  return text === number(NaN) ? text : `${text} ${units}`;
+}

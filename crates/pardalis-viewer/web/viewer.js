@@ -1,0 +1,231 @@
+/**
+ * Shows tracks: a 3D view, plots over time, states, numbers and images.
+ *
+ *     const viewer = new Viewer(element);
+ *     viewer.setScene(scene);       // any number of times, in any order with the tracks
+ *     viewer.setTracks(tracks);     // replaces all rows
+ *     viewer.append(rows);          // adds rows of a live run
+ *     viewer.setTime(time_s);       // shows the last rows that are not after this time
+ *     viewer.dispose();             // removes everything from the element, and all listeners
+ *
+ * After `append` the newest time is shown, unless the user (or `setTime`) has gone back.
+ *
+ * Frames: the world frame has z up. The camera frame has x to the right, y down and z forward along the optical axis. Lengths are in metres, times in seconds,
+ * angles in radians; in scenes whose plane is the image (`units: "px"`), lengths are in pixels. Names and titles may be any text; they are never read as HTML.
+ *
+ * `scene`:
+ *
+ *     {
+ *       title: "ball",
+ *       units: "m",                                    // or "px"
+ *       cameras: [{
+ *         name: "left",
+ *         position_m: [x, y, z],                       // in the world; null if it is unknown
+ *         world_from_camera: [[3 numbers], [3], [3]],  // rotation, row by row; null if it is unknown
+ *         image_size: [width, height],                 // pixels
+ *         border_rays: [[x, y, z], ...],               // unit directions in the camera frame around the image or its valid part
+ *         footprint_m: [[x, y, z], ...],               // optional: the border of the image on the plane, for a camera that is described by its plane
+ *         path: [[time_s, x, y, z, qw, qx, qy, qz], ...], // optional: poses (world from camera) of a camera that moves, in order of time
+ *       }],
+ *       targets: [{ name: "ball", shape: SHAPE }],     // "ball" is also the shape of the members "ball-1", "ball-2", ... of a crowd
+ *       frames: [{ time_s, images: { left: URL } }],   // optional: images with or without outlines, as data: or relative URLs
+ *     }
+ *
+ * SHAPE is one of
+ *
+ *     { kind: "sphere", radius_m }
+ *     { kind: "cylinder", radius_m, height_m }
+ *     { kind: "prism", sides, across_flats_m, rotation_rad, height_m }   // rotation: of a corner from the heading
+ *     { kind: "box", size_m: [along, across, height] }
+ *     { kind: "disc", radius_m, height_m }                               // height above the position
+ *     { kind: "rectangle", size_m: [along, across], height_m }           // likewise
+ *
+ * whose origin is the position in tracks.csv: the centre of a ball, the centre of the base of a cylinder, prism or box, the ground below a disc or rectangle.
+ *
+ * `tracks` and `rows` map names of targets to columns of the same length, named as in tracks.csv: `time_s`, `frame`, `state` ("searching", "tracking", "occluded",
+ * "lost"), `x_m` ... `z_m`, `vx_mps` ... `vz_mps`, `heading_rad`, `xx_m2` ... `zz_m2`, `confidence`, `radius_m`, `sigma_radius_m`, `sigma_heading_rad`. Entries are numbers
+ * or null; all columns but `time_s` may be missing.
+ */
+import { CONFIDENCE_GRADIENT, onThemeChange, theme } from "pardalis/colors.js";
+import { element, setPressed } from "pardalis/dom.js";
+import { Pictures } from "pardalis/pictures.js";
+import { Plots } from "pardalis/plots.js";
+import { createStage, VIEWS } from "pardalis/stage.js";
+import { Strip } from "pardalis/strip.js";
+import { Timeline } from "pardalis/timeline.js";
+import { STATES, Tracks } from "pardalis/tracks.js";
+import { Values } from "pardalis/values.js";
+
+const COLORINGS = ["state", "confidence", "target"];
+
+export class Viewer {
+  constructor(host) {
+    this.host = host;
+    this.tracks = new Tracks();
+    this.scene = { title: "", units: "m", cameras: [], targets: [] };
+    this.#build();
+    this.onKey = (event) => this.#key(event);
+    document.addEventListener("keydown", this.onKey);
+    this.stopThemes = onThemeChange(() => this.#legend());
+    this.#refreshTracks();
+  }
+
+  setScene(scene) {
+    this.scene = { title: "", units: "m", ...scene, cameras: scene.cameras ?? [], targets: scene.targets ?? [] };
+    this.pictures.setFrames(this.scene.frames ?? []);
+    this.stage?.setScene(this.scene);
+    this.plots.setTrack(this.tracks.all.get(this.selected), this.scene.units);
+    this.#refreshTracks();
+  }
+
+  setTracks(tracks) {
+    this.tracks = new Tracks();
+    this.tracks.append(tracks);
+    this.selected = undefined;
+    this.coloring = this.chosenColoring ?? (this.tracks.all.size > 1 ? "target" : "state");
+    this.#refreshTracks();
+    // The end: the whole trail.
+    this.timeline.setIndex(this.tracks.times.length - 1);
+    this.#showIndex(this.timeline.index);
+  }
+
+  append(rows) {
+    const follows = this.tracks.times.length === 0 || this.timeline.isAtEnd();
+    const shown_s = this.tracks.times[this.timeline.index];
+    this.tracks.append(rows);
+    this.timeline.setLive();
+    this.#refreshTracks();
+    this.timeline.setIndex(follows ? this.tracks.times.length - 1 : this.tracks.indexAt(shown_s));
+    this.#showIndex(this.timeline.index);
+  }
+
+  setTime(time_s) {
+    this.timeline.pause();
+    this.timeline.setIndex(this.tracks.indexAt(time_s));
+    this.#showIndex(this.timeline.index);
+  }
+
+  dispose() {
+    document.removeEventListener("keydown", this.onKey);
+    this.stopThemes();
+    cancelAnimationFrame(this.pendingStage);
+    for (const part of [this.stage, this.plots, this.strip, this.timeline]) part?.dispose();
+    this.host.replaceChildren();
+  }
+
+  #build() {
+    const sceneHost = element("div", { class: "pv-scene" });
+    const sideHost = element("div", { class: "pv-side" });
+    const picturesHost = element("div", { class: "pv-pictures" });
+    const valuesHost = element("div", { class: "pv-values" });
+    const stripHost = element("div", { class: "pv-states" });
+    const plotsHost = element("div", { class: "pv-plots" });
+    const timelineHost = element("div", { class: "pv-timeline", role: "group", "aria-label": "Time" });
+    sideHost.append(picturesHost, valuesHost);
+    this.root = element("div", { class: "pv" }, element("div", { class: "pv-top" }, sceneHost, sideHost), stripHost, plotsHost, timelineHost);
+    this.host.replaceChildren(this.root);
+    const pick = (time_s) => this.setTime(time_s);
+    const select = (name) => this.#select(name);
+    this.stage = createStage(sceneHost);
+    if (this.stage) this.#buildControls(sceneHost);
+    else sceneHost.append(element("p", { class: "pv-no-webgl" }, "This browser has no WebGL 2, which the 3D view needs. Numbers and plots work without it."));
+    this.legendHost = element("div", { class: "pv-legend" });
+    stripHost.append(this.legendHost);
+    this.pictures = new Pictures(picturesHost);
+    this.values = new Values(valuesHost, select);
+    this.strip = new Strip(stripHost, pick, select);
+    this.plots = new Plots(plotsHost, pick);
+    this.timeline = new Timeline(timelineHost, (index) => this.#showIndex(index));
+  }
+
+  #buildControls(host) {
+    const buttons = Object.keys(VIEWS).map((view, number) => element("button", { type: "button", title: `View: ${view} (key ${number + 1})`, onclick: () => this.#setView(view) }, view));
+    this.viewButtons = Object.fromEntries(Object.keys(VIEWS).map((view, number) => [view, buttons[number]]));
+    this.coloringChoice = element("select", { "aria-label": "Colour of trails", onchange: () => this.#setColoring(this.coloringChoice.value) },
+      ...COLORINGS.map((coloring) => element("option", { value: coloring }, `colour: ${coloring}`)));
+    host.append(element("div", { class: "pv-views", role: "group", "aria-label": "View" }, ...buttons), element("div", { class: "pv-coloring" }, this.coloringChoice));
+    setPressed(buttons[0], true);
+  }
+
+  #setView(view) {
+    this.stage.setView(view);
+    for (const [name, button] of Object.entries(this.viewButtons)) setPressed(button, name === view);
+  }
+
+  #setColoring(coloring) {
+    this.coloring = this.chosenColoring = coloring;
+    this.#refreshTracks();
+    this.#showIndex(this.timeline.index);
+  }
+
+  #select(name) {
+    this.selected = name;
+    this.plots.setTrack(this.tracks.all.get(name), this.scene.units);
+    this.strip.setTracks(this.tracks, name);
+    this.#showIndex(this.timeline.index);
+  }
+
+  /** Shows rows that have come. */
+  #refreshTracks() {
+    const { tracks } = this;
+    if (!tracks.all.has(this.selected)) {
+      this.selected = tracks.all.keys().next().value;
+      this.plots.setTrack(tracks.all.get(this.selected), this.scene.units);
+    } else {
+      this.plots.refresh();
+    }
+    this.timeline.setTimes(tracks.times, tracks.frames);
+    this.strip.setTracks(tracks, this.selected);
+    this.#legend();
+    // Rows may come faster than the screen shows them.
+    if (this.stage) this.pendingStage ??= requestAnimationFrame(() => this.#refreshStage());
+  }
+
+  #refreshStage() {
+    this.pendingStage = undefined;
+    const names = [...this.tracks.all.keys()];
+    this.stage.setTracks(this.tracks, {
+      by: this.coloring ?? "state",
+      shapeOf: (name) => this.#shapeOf(name),
+      colorOf: (name) => theme().targets[names.indexOf(name) % theme().targets.length],
+    });
+    this.stage.setTime(this.time_s, this.selected);
+  }
+
+  /** The shape of a target, or of the crowd that it is a member of. */
+  #shapeOf(name) {
+    const { targets } = this.scene;
+    const own = targets.find((target) => target.name === name);
+    const crowd = targets.find((target) => target.name === name.replace(/-\d+$/, ""));
+    return (own ?? crowd)?.shape;
+  }
+
+  #showIndex(index) {
+    const { tracks } = this;
+    this.time_s = tracks.times[index];
+    const frame = tracks.frames[index];
+    this.values.show(tracks, this.selected, this.time_s, frame, this.scene.units);
+    this.pictures.setTime(this.time_s);
+    this.plots.setTime(this.time_s);
+    this.strip.setTime(this.time_s);
+    if (!this.pendingStage) this.stage?.setTime(this.time_s, this.selected);
+  }
+
+  #legend() {
+    if (this.coloringChoice) this.coloringChoice.value = this.coloring ?? "state";
+    const states = STATES.map((state, code) => element("span", {}, element("i", { class: "pv-dot", style: `background: ${theme().states[code]}` }), state));
+    const ramp = element("span", {}, "confidence 0", element("i", { class: "pv-ramp", style: `background: ${CONFIDENCE_GRADIENT}` }), "1");
+    this.legendHost.replaceChildren(element("h2", {}, "States"), ...states, ...(this.coloring === "confidence" ? [ramp] : []));
+  }
+
+  #key(event) {
+    const { target } = event;
+    const isOwn = target === document.body || this.root.contains(target);
+    if (!isOwn || event.ctrlKey || event.altKey || event.metaKey || target.matches("textarea, select, input:not(.pv-slider)")) return;
+    // A button is pressed by the space bar.
+    if (event.key === " " && target.matches("button")) return;
+    const view = Object.keys(VIEWS)[Number(event.key) - 1];
+    if (view && this.stage) this.#setView(view);
+    if ((view && this.stage) || this.timeline.key(event)) event.preventDefault();
+  }
+}
