@@ -43,6 +43,12 @@ const app = {
   },
 
   take(state) {
+    // A page of `track --watch` only shows the run.
+    if (state.watched) {
+      state = watchedState(state.watched);
+      document.body.classList.add("watched");
+      this.step = track;
+    }
     this.state = state;
     const names = (list) => list.map(({ name }) => name);
     if (!names(state.cameras).includes(this.camera)) this.camera = names(state.cameras)[0] ?? null;
@@ -74,6 +80,14 @@ const app = {
     renderPanel();
   },
 };
+
+/** Returns the state of a page that shows a run, from what the program has shown of it. */
+function watchedState(path) {
+  const scene = app.latest.get("scene");
+  const names = (list) => (list ?? []).map(({ name }) => ({ name }));
+  const run = { goes_on: !app.latest.has("over") };
+  return { watched: path, path, is_saved: true, undo: null, redo: null, problems: [], guesses: [], cameras: names(scene?.cameras), targets: names(scene?.targets), run };
+}
 
 /** Shows a message for a while; errors until they are closed. */
 function say(text, isError = false) {
@@ -170,7 +184,7 @@ function captionOf(name) {
   const parts = [el("strong", {}, name)];
   const error = source.error ?? camera?.source?.error;
   if (error) return [...parts, el("span", { class: "bad" }, error)];
-  if (!camera?.source || app.state.run?.goes_on) return parts;
+  if (!camera?.source || app.step.imageOf?.(app, name)?.isOfRun || app.state.run?.goes_on) return parts;
   const rate = source.rate_hz ? `${source.rate_hz.toFixed(1)} per second` : "";
   if (camera.source.is_live) {
     const lost = `${source.lost ?? 0} of ${(source.frames ?? 0) + (source.lost ?? 0)} lost`;
@@ -220,9 +234,10 @@ function show(topic, value, image) {
   if (topic === "state") return app.take(value);
   const [kind, name] = topic.split(/\/(.*)/);
   if (image) {
-    const before = app.images.get(topic === "marked" ? topic : name);
-    const latest = { image, about: value };
-    app.images.set(kind === "image" ? name : topic, latest);
+    // Images of cameras have the names of these.
+    const key = kind === "image" ? name : topic;
+    const before = app.images.get(key);
+    app.images.set(key, { image, about: value });
     before?.image.close();
     app.step.seen?.(app, topic);
     for (const [camera, picture] of app.pictures) showLatest(camera, picture);
@@ -230,6 +245,7 @@ function show(topic, value, image) {
     return;
   }
   app.latest.set(topic, value);
+  if (app.state?.watched && (topic === "scene" || topic === "over")) app.take(app.state);
   if (topic === "changed") return ask("state").then((state) => app.take(state));
   if (kind === "source" && app.pictures.has(name)) app.pictures.get(name).caption.isConnected && updateCaption(name);
   app.step.told?.(app, topic, value);
@@ -254,6 +270,8 @@ function connected(is) {
       if (isAnnounced) say("The program answers again.");
       isAnnounced = false;
     }, (error) => say(error.message, true));
+  } else if (app.latest.has("over")) {
+    say("The run is over.");
   } else if (!isAnnounced) {
     isAnnounced = true;
     say("The program does not answer; see whether it still runs.", true);

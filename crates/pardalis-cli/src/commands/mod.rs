@@ -13,7 +13,6 @@ pub(crate) mod locate;
 pub(crate) mod measure;
 pub(crate) mod rectify;
 pub(crate) mod simulate;
-#[cfg_attr(not(feature = "studio"), path = "without_studio.rs")]
 pub(crate) mod studio;
 pub(crate) mod track;
 pub(crate) mod view;

@@ -7,6 +7,7 @@ use anyhow::{Result, anyhow};
 use pardalis::TargetId;
 
 use crate::arguments::Threads;
+use crate::commands::studio::{WatchOptions, Watching};
 use crate::interrupt::Stop;
 use crate::numbers::counted;
 use crate::output::{Shown, note, print};
@@ -45,6 +46,7 @@ const BLIND_SHARE: f64 = 0.1;
   pardalis track ball.toml --smooth              the best track of a recording
   pardalis track ball.toml --annotate --report   also a page with all of it, for the browser
   pardalis track ball.toml --annotate --explain  why candidates were ruled out
+  pardalis track live.toml --watch               shows the run in a browser
   pardalis track live.toml --duration 60         a minute of a live camera
   pardalis track ball.toml -o - | head           rows to standard output while tracking")]
 #[allow(clippy::struct_excessive_bools)] // flags of the command line
@@ -103,6 +105,8 @@ pub(crate) struct Arguments {
     /// With --annotate, it contains reduced copies of the frames. `pardalis view` writes such a page of finished tracks. Needs an output folder.
     #[arg(long)]
     report: bool,
+    #[command(flatten)]
+    watch: WatchOptions,
     /// Draws no plots
     #[arg(long)]
     no_plots: bool,
@@ -153,6 +157,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "--report: writes report.html into the output folder; give -o a folder instead of -"
         ));
     }
+    let watching = Watching::start(&arguments.watch, &arguments.scene)?;
     let options = Options {
         output,
         seed: arguments.seed,
@@ -175,9 +180,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             duration_s: arguments.duration_s,
         },
         stop: Stop::default(),
-        watch: None,
+        watch: watching.as_ref().map(|watching| watching.watch.clone()),
     };
-    let run = tracking::run(&arguments.scene, &options)?;
+    let run = tracking::run(&arguments.scene, &options);
+    if let Some(watching) = watching {
+        watching.finish();
+    }
+    let run = run?;
     let warnings = warnings(&run);
     if !warnings.is_empty() {
         note(warnings.trim_end());

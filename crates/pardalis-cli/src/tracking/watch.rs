@@ -94,6 +94,7 @@ impl Watch {
             cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
             shown_s: vec![f64::NEG_INFINITY; scene.cameras.len()],
             told_s: f64::NEG_INFINITY,
+            untold: None,
             histogram: [0; HISTOGRAM_MS.len() + 1],
             text: String::new(),
         }
@@ -115,6 +116,8 @@ pub(crate) struct WatchSink {
     shown_s: Vec<f64>,
     /// When the state was last told, in seconds.
     told_s: f64,
+    /// The last state, if it was not told because another was told shortly before.
+    untold: Option<Value>,
     /// How often tracking took how long.
     histogram: [u64; HISTOGRAM_MS.len() + 1],
     text: String,
@@ -130,11 +133,13 @@ impl Sink for WatchSink {
             return Ok(());
         }
         let now_s = now_s();
+        let state = self.state(instant, row_count);
         if now_s - self.told_s >= INTERVAL_S {
             self.told_s = now_s;
-            self.watch
-                .feed
-                .show("track", &self.state(instant, row_count));
+            self.untold = None;
+            self.watch.feed.show("track", &state);
+        } else {
+            self.untold = Some(state);
         }
         for (camera, frame) in instant.frames {
             if now_s - self.shown_s[*camera] >= INTERVAL_S {
@@ -143,6 +148,14 @@ impl Sink for WatchSink {
             }
         }
         Ok(())
+    }
+}
+
+impl Drop for WatchSink {
+    fn drop(&mut self) {
+        if let Some(state) = &self.untold {
+            self.watch.feed.show("track", state);
+        }
     }
 }
 
@@ -198,7 +211,7 @@ impl WatchSink {
             "marks": marks.iter().map(written).collect::<Vec<_>>(),
             "notes": notes.iter().map(noted).collect::<Vec<_>>(),
         });
-        let topic = format!("image/{}", self.cameras[camera]);
+        let topic = format!("run/{}", self.cameras[camera]);
         let jpeg = jpeg_of(&picture_of(frame))?;
         self.watch.feed.show_image(&topic, &about, &jpeg);
         Ok(())

@@ -30,6 +30,7 @@ async function look(app) {
     // The problems of the steps before say why.
   }
   app.pictures.get(name)?.redraw();
+  app.render();
 }
 
 function drawLine(context, line) {

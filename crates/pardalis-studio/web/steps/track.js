@@ -85,8 +85,12 @@ export const track = {
   showsAll: true,
   isBegun: ({ state }) => state.targets.length > 0 && state.cameras.length > 0,
   isDone: ({ state }) => Boolean(state.run && !state.run.goes_on && !state.run.error),
-  hint: ({ state }) => (state.run?.goes_on ? "The white line is the best fit, the dots are hypotheses." : "Everything set? Start, and see whether the outlines stay on the object."),
+  hint: ({ state }) => (state.run?.goes_on || state.watched ? "The white line is the best fit, the dots are hypotheses." : "Everything set? Start, and see whether the outlines stay on the object."),
   picture: (app) => ({ draw: (context, px, about) => about.marks && drawMarks(context, px, about) }),
+  imageOf: (app, name) => {
+    const image = app.state.run && app.images.get(`run/${name}`);
+    return image && { ...image, isOfRun: true };
+  },
   pictureKey: () => isViewer,
   hidesPictures: () => isViewer,
   above: (app) => {
@@ -113,10 +117,10 @@ export const track = {
   },
 
   render(app) {
-    const { run } = app.state;
+    const { run, watched } = app.state;
     const goes = run?.goes_on;
     return [
-      el(
+      !watched && el(
         "p",
         { class: "row" },
         goes

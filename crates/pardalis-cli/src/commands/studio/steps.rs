@@ -238,6 +238,7 @@ impl Session {
             (None, Some([a, b])) => Pointed::Within(a, b),
             _ => return Err(user_error!("give either at_px or box_px")),
         };
+        self.inner().colors_file(&label.target)?;
         let (number, frame) = self.inner().shown(&label.camera)?;
         let lens = self.inner().lens(&label.camera);
         let outline_px = outline_of(&frame, lens.clone(), pointed)?;
