@@ -38,6 +38,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         explain: false,
         particles: None,
         mcap: None,
+        send: Vec::new(),
         smooth: false,
         plots: false,
         report: true,

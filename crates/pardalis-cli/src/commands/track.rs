@@ -16,7 +16,7 @@ use crate::shell_word::shell_word;
 use crate::tracking::agreement;
 use crate::tracking::radius::EstimatedRadius;
 use crate::tracking::{
-    self, Annotate, CameraRecord, CrowdCounts, Limit, Options, Output, Previous, Run,
+    self, Annotate, CameraRecord, CrowdCounts, Destination, Limit, Options, Output, Previous, Run,
 };
 use crate::user_error::user_error;
 
@@ -46,6 +46,7 @@ const BLIND_SHARE: f64 = 0.1;
   pardalis track ball.toml --smooth              the best track of a recording
   pardalis track ball.toml --annotate --report   also a page with all of it, for the browser
   pardalis track ball.toml --annotate --explain  why candidates were ruled out
+  pardalis track live.toml --send udp://10.0.0.2:7000   estimates for a robot
   pardalis track live.toml --watch               shows the run in a browser
   pardalis track live.toml --duration 60         a minute of a live camera
   pardalis track ball.toml -o - | head           rows to standard output while tracking")]
@@ -105,6 +106,12 @@ pub(crate) struct Arguments {
     /// With --annotate, it contains reduced copies of the frames. `pardalis view` writes such a page of finished tracks. Needs an output folder.
     #[arg(long)]
     report: bool,
+    /// Sends the estimates to another program while tracking, as lines of JSON: udp://HOST:PORT or tcp://HOST:PORT; may be repeated
+    ///
+    /// The latest wins: a receiver that is too slow, or not there yet, gets fewer, and does not hold up tracking. Over TCP the program connects to the
+    /// receiver, again and again until it answers.
+    #[arg(long, value_name = "ADDRESS", value_parser = Destination::parse)]
+    send: Vec<Destination>,
     #[command(flatten)]
     watch: WatchOptions,
     /// Draws no plots
@@ -170,6 +177,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         explain: arguments.explain,
         particles: arguments.particles.clone(),
         mcap: arguments.mcap.clone(),
+        send: arguments.send.clone(),
         smooth: arguments.smooth,
         plots: !arguments.no_plots,
         report: arguments.report,

@@ -14,6 +14,7 @@ pub(crate) mod radius;
 #[cfg_attr(not(feature = "mcap"), path = "without_recorder.rs")]
 mod recorder;
 mod rows;
+mod sender;
 mod series;
 mod smoothed;
 mod summary;
@@ -51,6 +52,8 @@ use missed::MissedFrames;
 use particle_rows::ParticleRows;
 use recorder::Recorder;
 use rows::Rows;
+pub(crate) use sender::Destination;
+use sender::Sender;
 pub(crate) use series::{CrowdCounts, SeriesCollector, truth_series};
 use smoothed::SmoothedTracks;
 pub(crate) use summary::FILE as SUMMARY;
@@ -74,6 +77,8 @@ pub(crate) struct Options {
     pub(crate) particles: Option<PathBuf>,
     /// An MCAP recording of images and estimates.
     pub(crate) mcap: Option<PathBuf>,
+    /// Where estimates are sent while tracking.
+    pub(crate) send: Vec<Destination>,
     /// Whether to smooth the tracks at the end; needs a folder.
     pub(crate) smooth: bool,
     /// Whether to draw plots.
@@ -277,6 +282,8 @@ pub(crate) fn run_steps(
         Some(path) => Some(Recorder::create(path, &open.scene)?),
         None => None,
     };
+    let senders = options.send.iter().map(|to| Sender::start(to, &open.scene));
+    let mut senders = senders.collect::<Result<Vec<_>>>()?;
     let mut watched = match &options.watch {
         Some(watch) => Some(watch.sink(scene_path, &open.scene, &open.tracker)),
         None => None,
@@ -307,10 +314,14 @@ pub(crate) fn run_steps(
     if let Some(recorder) = &mut recorder {
         sinks.others.push(recorder);
     }
+    for sender in &mut senders {
+        sinks.others.push(sender);
+    }
     if let Some(watched) = &mut watched {
         sinks.others.push(watched);
     }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
+    drop(senders);
     let mut files = Vec::new();
     let recorded = recorder.map_or(Ok(()), Recorder::finish);
     let finish = || -> Result<()> {

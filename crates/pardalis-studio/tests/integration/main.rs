@@ -25,17 +25,17 @@ impl Program for Echo {
 
 fn server(listen: &str) -> (Server, SocketAddr, Feed) {
     let feed = Feed::default();
-    let extra = [Asset {
-        path: "extra/a.js",
+    let asset = Asset {
+        path: "extra/a.js".into(),
         content_type: "text/javascript",
         bytes: b"export {};",
-    }];
-    let server = Server::start(
-        listen.parse().unwrap(),
-        Arc::new(Echo),
-        feed.clone(),
-        &extra,
-    );
+    };
+    let extension = Extension {
+        assets: vec![asset],
+        import_map: "{\"imports\": {\"a\": \"/extra/a.js\"}}".to_owned(),
+    };
+    let listen = listen.parse().unwrap();
+    let server = Server::start(listen, Arc::new(Echo), feed.clone(), extension);
     let server = server.unwrap();
     let place = server.address().strip_prefix("http://").unwrap();
     let place: SocketAddr = place.split('/').next().unwrap().parse().unwrap();
@@ -119,6 +119,13 @@ fn the_page_its_files_and_requests_are_answered_with_strict_headers() {
         .split('\'')
         .next()
         .unwrap();
+    assert_eq!(nonce.len(), 32);
+    let imports = format!("nonce=\"{nonce}\">{{\"imports\": {{\"a\": \"/extra/a.js\"}}}}</script>");
+    assert!(page.contains(&imports), "{page}");
+    assert!(!get(address, "/", "").contains(nonce));
+    // Only the list of modules with the nonce of this reply is part of the page.
+    let nonce = page.split("'nonce-").nth(1).unwrap();
+    let nonce = nonce.split('\'').next().unwrap();
     assert_eq!(nonce.len(), 32);
     let imports = format!("nonce=\"{nonce}\">{{\"imports\": {{\"a\": \"/extra/a.js\"}}}}</script>");
     assert!(page.contains(&imports), "{page}");

@@ -505,6 +505,7 @@ mod tests {
             path: path.into(),
             frame: None,
             labels: Vec::new(),
+            lens: None,
         };
         // Twice, as in two labels of one image.
         let files: Vec<_> = paths

@@ -40,6 +40,7 @@ impl Job<'_> {
             explain: false,
             particles: None,
             mcap: None,
+            send: Vec::new(),
             smooth: self.run.method == Method::Smooth,
             plots: false,
             report: false,

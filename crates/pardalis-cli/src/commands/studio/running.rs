@@ -55,6 +55,7 @@ impl Running {
             explain: true,
             particles: None,
             mcap: None,
+            send: Vec::new(),
             smooth: false,
             plots: true,
             report: false,
