@@ -36,8 +36,8 @@ class Stage {
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => this.draw());
     this.world = new Scene();
-    this.world.add(new AmbientLight(0xffffff, 1.6));
-    this.light = new DirectionalLight(0xffffff, 2.2);
+    this.world.add(new AmbientLight(0xffffff, 1.3));
+    this.light = new DirectionalLight(0xffffff, 1.7);
     this.world.add(this.light);
     this.addLabel = (text, position, kind) => this.#addLabel(text, position, kind);
     this.ground = new Ground(this.world, this.addLabel);

@@ -77,9 +77,8 @@ pub(super) fn read(
             at = frames.len() * step;
         }
     }
-    let note = (step > 1).then(|| {
-        format!("Of the annotated frames, every {step}th is in this page, so that it stays small.")
-    });
+    let note = (step > 1)
+        .then(|| format!("This page has one of {step} annotated frames, so that it stays small."));
     Ok((frames.into_iter().map(|(frame, _)| frame).collect(), note))
 }
 

@@ -154,7 +154,7 @@ pub(super) fn read(path: &Path) -> Result<ReadTracks> {
     }
     if step > 1 {
         read.note = Some(format!(
-            "The file has more rows than a page shows smoothly: it shows those of every {step}th time."
+            "The tracks have more rows than a page shows smoothly: it shows one of {step} times."
         ));
     }
     Ok(read)

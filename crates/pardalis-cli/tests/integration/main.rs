@@ -33,6 +33,7 @@ mod odd_files;
 mod particles;
 mod plane;
 mod rectify;
+mod report;
 mod rig;
 mod simulate;
 mod smooth;

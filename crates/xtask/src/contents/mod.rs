@@ -13,7 +13,8 @@ use anyhow::{Context, Result};
 pub(crate) fn run(root: &Path, target: &str, folder: &Path) -> Result<()> {
     let packages = packages::in_the_program(root, target)?;
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    let sbom = sbom::of(&packages, &rust_version()?);
+    let web = packages::of_web_pages(root)?;
+    let sbom = sbom::of(&packages, &web, &rust_version()?);
     fs::write(folder.join("pardalis.cdx.json"), sbom)?;
     fs::write(
         folder.join("THIRD-PARTY-LICENSES"),

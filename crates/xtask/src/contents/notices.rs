@@ -10,11 +10,19 @@ use anyhow::{Context, Result, bail};
 use super::packages::Package;
 
 /// What is in the program but no package, with the file of its licence below the root.
-const OTHER: [(&str, &str); 2] = [
+const OTHER: [(&str, &str); 4] = [
     ("musl, the C library", "crates/xtask/src/contents/musl.txt"),
     (
         "DejaVu Sans, the font of plots",
         "crates/pardalis-cli/assets/DejaVuSans-LICENSE.txt",
+    ),
+    (
+        "three.js, of pages that show tracks",
+        "crates/pardalis-viewer/web/vendor/three.LICENSE",
+    ),
+    (
+        "uPlot, of pages that show tracks",
+        "crates/pardalis-viewer/web/vendor/uPlot.LICENSE",
     ),
 ];
 
@@ -162,6 +170,8 @@ mod tests {
             "Bitstream",
             "Independent JPEG Group",
             "Chen Yuheng",
+            "three.js authors",
+            "Leon Sorokin",
         ] {
             assert!(text.contains(holder), "{holder}");
         }

@@ -115,6 +115,14 @@ pub(crate) fn in_the_program(root: &Path, target: &str) -> Result<Vec<Package>> 
         .collect()
 }
 
+/// Returns name and version of each library of others in the pages of `pardalis-viewer`.
+pub(crate) fn of_web_pages(root: &Path) -> Result<Vec<(String, String)>> {
+    let path = root.join("crates/pardalis-viewer/vendor/package.json");
+    let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+    let pinned: Pinned = serde_json::from_str(&text)?;
+    Ok(pinned.dependencies.into_iter().collect())
+}
+
 /// Returns each package of a tree with the package that uses it, from lines such as `1 anyhow v1.0.103 (*)`.
 fn edges(tree: &str) -> Option<Vec<(Id, Option<Id>)>> {
     let mut edges = Vec::new();
@@ -154,6 +162,11 @@ struct About {
     license: Option<String>,
     repository: Option<String>,
     manifest_path: PathBuf,
+}
+
+#[derive(Deserialize)]
+struct Pinned {
+    dependencies: BTreeMap<String, String>,
 }
 
 #[derive(Deserialize)]

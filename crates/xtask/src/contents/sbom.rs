@@ -4,8 +4,8 @@ use serde_json::{Value, json};
 
 use super::packages::Package;
 
-/// Returns it as JSON. It has no time and no serial number, so that the same build has the same list.
-pub(crate) fn of(packages: &[Package], rust_version: &str) -> String {
+/// Returns it as JSON, with the libraries of web pages as names and versions. It has no time and no serial number, so that the same build has the same list.
+pub(crate) fn of(packages: &[Package], web: &[(String, String)], rust_version: &str) -> String {
     let (program, libraries) = packages.split_first().expect("the program is the first");
     let mut components: Vec<Value> = libraries.iter().map(|p| component(p, "library")).collect();
     components.push(json!({
@@ -24,6 +24,17 @@ pub(crate) fn of(packages: &[Package], rust_version: &str) -> String {
         "description": "The C library that comes with the standard library of Rust",
         "licenses": [{ "license": { "id": "MIT" } }],
         "externalReferences": [{ "type": "website", "url": "https://musl.libc.org/" }],
+    }));
+    components.extend(web.iter().map(|(name, version)| {
+        json!({
+            "type": "library",
+            "bom-ref": format!("pkg:npm/{name}@{version}"),
+            "name": name,
+            "version": version,
+            "purl": format!("pkg:npm/{name}@{version}"),
+            "description": "Part of the pages that show tracks",
+            "licenses": [{ "license": { "id": "MIT" } }],
+        })
     }));
     let mut dependencies: Vec<Value> = packages
         .iter()
@@ -86,7 +97,8 @@ mod tests {
     fn the_list_of_the_program_is_valid_and_complete() {
         let packages =
             super::super::packages::in_the_program(&crate::root(), "x86_64-unknown-linux-musl");
-        let sbom: Value = serde_json::from_str(&of(&packages.unwrap(), "1.95.0")).unwrap();
+        let web = super::super::packages::of_web_pages(&crate::root()).unwrap();
+        let sbom: Value = serde_json::from_str(&of(&packages.unwrap(), &web, "1.95.0")).unwrap();
         assert_eq!(sbom["bomFormat"], "CycloneDX");
         assert_eq!(sbom["specVersion"], "1.6");
         assert_eq!(sbom["metadata"]["component"]["name"], "pardalis-cli");
@@ -101,7 +113,8 @@ mod tests {
                 references.insert(component["bom-ref"].as_str().unwrap()),
                 "{name} twice"
             );
-            let is_ours = name.starts_with("pardalis") || [RUST, MUSL].contains(&name);
+            let is_web = web.iter().any(|(of_web, _)| of_web == name);
+            let is_ours = name.starts_with("pardalis") || [RUST, MUSL].contains(&name) || is_web;
             let checksum = component["hashes"][0]["content"].as_str();
             assert!(
                 is_ours || checksum.is_some_and(|sum| sum.len() == 64),
@@ -121,6 +134,9 @@ mod tests {
         for (name, is_shipped) in [
             ("nalgebra", true),
             ("pardalis-filter", true),
+            ("three", true),
+            ("uplot", true),
+            ("esbuild", false),
             ("serde_derive", false),
             ("proptest", false),
         ] {

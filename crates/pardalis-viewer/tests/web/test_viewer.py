@@ -1,0 +1,265 @@
+"""Reports and pages of finished tracks, as people see them."""
+
+import csv
+import io
+import json
+import math
+
+import pytest
+from PIL import Image
+from web_fixtures import REPOSITORY
+
+HEADER = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence"
+FRAMES = 24
+
+
+@pytest.fixture(scope="session")
+def report(pardalis, tmp_path_factory):
+    """The report of a bundled sequence, with its rows."""
+    folder = tmp_path_factory.mktemp("jump")
+    pardalis("track", REPOSITORY / "data/dioptric-jump/scene.toml", "-o", folder, "--frames", FRAMES, "--no-plots", "--annotate", "--report")
+    with open(folder / "tracks.csv") as file:
+        return (folder / "report.html").as_uri(), list(csv.DictReader(file))
+
+
+@pytest.fixture
+def view(pardalis, tmp_path):
+    """Returns the page of rows of text."""
+
+    def make(rows, summary=None):
+        (tmp_path / "tracks.csv").write_text("\n".join([HEADER, *rows]) + "\n")
+        if summary is not None:
+            (tmp_path / "summary.json").write_text(json.dumps(summary))
+        pardalis("view", tmp_path, "--no-open")
+        return (tmp_path / "view.html").as_uri()
+
+    return make
+
+
+def row(frame, target, position, state="tracking", variance=1e-4):
+    """A row of tracks.csv; without a position, one of a target that is lost."""
+    place = [f"{component}" for component in position] if position else [""] * 3
+    velocity = ["0.5", "-0.25", "0"] if position else [""] * 3
+    covariance = [f"{variance}", "0", "0", f"{variance}", "0", f"{variance}"] if position else [""] * 6
+    return ",".join([f"{frame}", f"{frame / 25}", target, state if position else "lost", *place, *velocity, "", *covariance, "100", "0.9"])
+
+
+def picture(locator):
+    return Image.open(io.BytesIO(locator.screenshot())).convert("RGB")
+
+
+def shown(page):
+    """The positions that the page shows, in metres."""
+    texts = [page.locator(f'tr[data-value="{axis}"] td').first.inner_text() for axis in "xyz"]
+    return [text.replace("−", "-").removesuffix(" m") for text in texts]
+
+
+def rounded(row):
+    return [f"{float(row[f'{axis}_m']):.3f}" for axis in "xyz"]
+
+
+def set_slider(page, index):
+    page.locator(".pv-slider").evaluate("(slider, index) => { slider.value = index; slider.dispatchEvent(new Event('input')); }", index)
+
+
+def settle(page):
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done))))")
+
+
+def test_a_report_shows_the_scene_and_loads_nothing(report, open_page):
+    page = open_page(report[0])
+    settle(page)
+    # `open_page` fails at errors and requests. Background, floor, camera, trail, ball: many colours, of which the state's own.
+    colors = picture(page.locator(".pv-canvas")).getcolors(1 << 20)
+    assert len(colors) > 100
+    blue = sum(count for count, (red, green, blue) in colors if blue > 120 and blue > 1.8 * red and green < blue)
+    assert blue > 200
+    assert page.locator(".pv-camera-name").inner_text() == "cam1"
+    assert page.locator("h1").inner_text() == "dioptric-jump"
+    assert "tracking" in page.locator('[data-value="state"]').inner_text()
+    assert page.locator(".pv-image").evaluate("(image) => image.naturalWidth") == 480
+    assert f"{FRAMES}" in page.locator("#summary").inner_text()
+
+
+def test_slider_and_keys_show_the_rows_of_their_time(report, open_page):
+    address, rows = report
+    page = open_page(address)
+    assert shown(page) == rounded(rows[-1])
+    set_slider(page, 7)
+    assert shown(page) == rounded(rows[7])
+    assert "frame 7" in page.locator(".pv-slider").get_attribute("aria-valuetext")
+    assert page.locator('[data-value="confidence"] dd').last.inner_text() == f"{float(rows[7]['confidence']):.3f}"
+    sigma_mm = 2000 * math.sqrt(float(rows[7]["xx_m2"]))
+    assert page.locator('tr[data-value="x"] td').nth(1).inner_text() == f"{sigma_mm:.0f} mm"
+    image = page.locator(".pv-image").get_attribute("alt")
+    assert image == f"Image of cam1 at {float(rows[7]['time_s']):.3f} s"
+    for key, expected in [("ArrowRight", 8), ("ArrowLeft", 7), ("Shift+ArrowRight", 17), ("Home", 0), ("ArrowLeft", 0), ("End", FRAMES - 1)]:
+        page.keyboard.press(key)
+        assert shown(page) == rounded(rows[expected]), key
+    # The same with the slider in focus: no step is taken twice.
+    page.locator(".pv-slider").focus()
+    page.keyboard.press("ArrowLeft")
+    assert shown(page) == rounded(rows[FRAMES - 2])
+
+
+def test_it_plays_and_pauses(report, open_page):
+    page = open_page(report[0])
+    set_slider(page, 0)
+    page.keyboard.press("Space")
+    page.wait_for_function("document.querySelector('.pv-slider').value > 3")
+    page.keyboard.press("Space")
+    stopped = page.locator(".pv-slider").input_value()
+    page.wait_for_timeout(200)
+    assert page.locator(".pv-slider").input_value() == stopped
+    assert page.locator(".pv-play").get_attribute("aria-label") == "Play"
+
+
+def test_keys_choose_views(report, open_page):
+    page = open_page(report[0])
+    settle(page)
+    before = picture(page.locator(".pv-canvas")).tobytes()
+    page.keyboard.press("2")
+    settle(page)
+    assert page.get_by_role("button", name="above").get_attribute("aria-pressed") == "true"
+    assert picture(page.locator(".pv-canvas")).tobytes() != before
+    page.keyboard.press("1")
+    settle(page)
+    assert picture(page.locator(".pv-canvas")).tobytes() == before
+
+
+@pytest.mark.parametrize("width", [900, 400])
+def test_narrow_windows_do_not_scroll_sideways(report, open_page, width):
+    page = open_page(report[0], width=width)
+    settle(page)
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    canvas = page.locator(".pv-canvas").bounding_box()
+    assert canvas["width"] > 0.5 * width and canvas["height"] > 300
+
+
+def test_dark_mode_has_dark_paper_and_light_ink(report, open_page):
+    light, dark = (open_page(report[0], dark=is_dark) for is_dark in (False, True))
+    for page in (light, dark):
+        settle(page)
+    brightness = [sum(picture(page.locator(".pv-scene")).resize((1, 1)).getpixel((0, 0))) / 3 for page in (light, dark)]
+    assert brightness[0] > 200 and brightness[1] < 60
+    assert dark.evaluate("getComputedStyle(document.querySelector('.pv-facts dd:last-child')).color") == "rgb(230, 234, 240)"
+    # A theme that changes while the page is open.
+    light.emulate_media(color_scheme="dark")
+    settle(light)
+    assert sum(picture(light.locator(".pv-scene")).resize((1, 1)).getpixel((0, 0))) / 3 < 60
+
+
+def test_rows_without_estimates_leave_gaps(view, open_page):
+    rows = [row(frame, "ball", None if 40 <= frame < 60 else (0.01 * frame, 1, 0.5)) for frame in range(100)]
+    page = open_page(view(rows))
+    set_slider(page, 50)
+    assert shown(page) == ["–"] * 3
+    assert page.locator('[data-value="state"] dd').last.inner_text() == "lost"
+    # No segment of the trail, and in the plot no pixel of the line's colour.
+    ends = page.evaluate(
+        """async () => {
+            const { Track } = await import("pardalis/tracks.js");
+            const { segmentsOf } = await import("pardalis/trail.js");
+            const track = new Track("ball");
+            track.append(JSON.parse(document.getElementById("data").textContent).tracks.ball);
+            return segmentsOf(track).rows;
+        }"""
+    )
+    assert len(ends) == 2 * (39 + 39)
+    assert not any(start < 40 <= end for start, end in zip(ends[::2], ends[1::2]))
+    set_slider(page, 0)
+    plot = picture(page.locator(".pv-plot .u-over").first)
+    orange = [sum(1 for y in range(plot.height) if plot.getpixel((x, y))[0] - plot.getpixel((x, y))[2] > 60) for x in range(plot.width)]
+    left, right = int(0.42 * plot.width), int(0.58 * plot.width)
+    assert sum(orange[left:right]) == 0
+    assert all(orange[x] > 0 for x in range(10, int(0.38 * plot.width)))
+
+
+def test_a_crowd_of_fifty(view, open_page):
+    rows = [row(frame, f"ball-{member}", (0.1 * member, 0.02 * frame, 0)) for frame in range(30) for member in range(1, 51) if frame < 20 or member <= 25]
+    page = open_page(view(rows, {"scene": "nowhere.toml", "targets": {"ball": {"diameter_m": 0.1}}, "settings": {}}))
+    assert page.locator(".pv-all tbody tr").count() == 50
+    assert page.locator(".pv-strip-names button").count() == 50
+    # Those that are gone have no values, and nothing is left in the view.
+    assert page.locator(".pv-all tr.pv-absent").count() == 25
+    settle(page)
+    visible = "[...document.querySelectorAll('.pv-target-name')].filter((name) => name.style.visibility === 'visible').length"
+    assert page.evaluate(visible) == 25
+    page.locator(".pv-all button", has_text="ball-7").first.click()
+    assert shown(page) == ["0.700", "0.580", "0.000"]
+    set_slider(page, 19)
+    settle(page)
+    assert page.evaluate(visible) == 50
+
+
+def test_a_hundred_thousand_rows(view, open_page):
+    rows = [row(frame, "ball", (math.sin(frame / 1000), math.cos(frame / 1700), 0.5 + 0.4 * math.sin(frame / 300))) for frame in range(100_000)]
+    page = open_page(view(rows))
+    assert page.locator(".pv-slider").get_attribute("max") == "99999"
+    set_slider(page, 54_321)
+    assert shown(page) == [f"{math.sin(54.321):.3f}", f"{math.cos(54321 / 1700):.3f}", f"{0.5 + 0.4 * math.sin(54321 / 300):.3f}"]
+    # Each trail has a bounded number of points, with both ends of the track.
+    ends = page.evaluate(
+        """async () => {
+            const { Track } = await import("pardalis/tracks.js");
+            const { segmentsOf } = await import("pardalis/trail.js");
+            const track = new Track("ball");
+            track.append(JSON.parse(document.getElementById("data").textContent).tracks.ball);
+            const { rows } = segmentsOf(track);
+            return [rows.length, rows[0], rows.at(-1)];
+        }"""
+    )
+    assert 20_000 < ends[0] <= 40_000 and ends[1:] == [0, 99_999]
+
+
+def test_without_webgl_there_are_numbers_and_plots(report, open_page):
+    address, rows = report
+    without = "const get = HTMLCanvasElement.prototype.getContext; HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return kind.startsWith('webgl') ? null : get.call(this, kind, ...more); };"
+    page = open_page(address, before=without)
+    assert "no WebGL" in page.locator(".pv-scene").inner_text()
+    assert page.locator(".pv-canvas").count() == 0
+    set_slider(page, 3)
+    assert shown(page) == rounded(rows[3])
+    assert page.locator(".pv-plot canvas").count() == 7
+
+
+def test_hostile_names_stay_names(view, open_page):
+    name = '<img src=x onerror=document.title="owned">'
+    summary = {"scene": f"/tmp/</script><script>document.title='owned'</script>{name}.toml", "targets": {name: {"diameter_m": 0.1, "rows": {}}}, "error": name, "settings": {name: name}}
+    page = open_page(view([row(frame, name, (0, frame, 0)) for frame in range(3)], summary))
+    settle(page)
+    assert page.locator(".pv-target-name").inner_text() == name
+    assert name in page.locator("#summary").inner_text()
+    assert page.locator("#viewer img[src=x], #summary img").count() == 0
+    assert page.title() != "owned"
+
+
+LIVE = """async () => {
+    const { Viewer } = await import("pardalis/viewer.js");
+    document.body.innerHTML = "<div id=live></div>";
+    window.live = new Viewer(document.getElementById("live"));
+    window.rows = (from, count) => ({ ball: { time_s: Array.from({ length: count }, (_, i) => (from + i) / 10), frame: Array.from({ length: count }, (_, i) => from + i),
+        state: Array(count).fill("tracking"), x_m: Array.from({ length: count }, (_, i) => from + i), y_m: Array(count).fill(0), z_m: Array(count).fill(null) } });
+}"""
+
+
+def test_live_rows_are_followed_until_the_user_goes_back(report, open_page):
+    page = open_page(report[0])
+    page.evaluate(LIVE)
+    time = page.locator("#live .pv-time")
+    page.evaluate("live.append(rows(0, 5))")
+    assert time.inner_text() == "0.400 s"
+    page.evaluate("live.setScene({ title: 'live', cameras: [], targets: [{ name: 'ball', shape: { kind: 'box', size_m: [1, 2, 3] } }] })")
+    page.evaluate("live.append(rows(5, 5))")
+    assert time.inner_text() == "0.900 s"
+    page.evaluate("live.setTime(0.25)")
+    assert time.inner_text() == "0.200 s"
+    page.evaluate("live.append(rows(10, 5))")
+    assert time.inner_text() == "0.200 s"
+    page.get_by_role("button", name="newest").click()
+    page.evaluate("live.append(rows(15, 1))")
+    assert time.inner_text() == "1.500 s"
+    settle(page)
+    page.evaluate("live.dispose()")
+    assert page.locator("#live").inner_html() == ""
+    page.keyboard.press("ArrowLeft")
