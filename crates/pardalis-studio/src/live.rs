@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use axum::extract::ws::{Message, WebSocket};
-use tokio::time::{Instant, interval, timeout};
+use tokio::time::{Instant, interval_at, timeout};
 
 use crate::feed::Feed;
 
@@ -22,7 +22,7 @@ const GONE: Duration = Duration::from_secs(60);
 /// Serves a page until it is gone or breaks the rules.
 pub(crate) async fn serve(mut socket: WebSocket, feed: Feed) {
     let mut watcher = feed.watcher();
-    let mut pings = interval(PING);
+    let mut pings = interval_at(Instant::now() + PING, PING);
     let mut heard = Instant::now();
     let mut is_owed = false;
     loop {

@@ -1,6 +1,6 @@
 """The studio in a real browser, with the real program, bundled sequences and, as live cameras, streams of ffmpeg.
 
-`scripts/web-test` runs it. PARDALIS names the program (built with the feature `studio`), CHROMIUM the browser.
+`scripts/web-test` runs it, with the fixture `browser` of the viewer's tests. PARDALIS names the program, built with the feature `studio`.
 """
 
 import csv
@@ -14,23 +14,13 @@ import time
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
 ROOT = Path(__file__).resolve().parents[4]
 DATA = ROOT / "data"
-PROGRAM = os.environ.get("PARDALIS", str(ROOT / "target/debug/pardalis"))
-CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
+PROGRAM = os.environ["PARDALIS"]
 # The program learns colours with code that is hardly optimised, on machines with other work.
 PATIENCE_MS = 60_000
-
-
-@pytest.fixture(scope="session")
-def browser():
-    with sync_playwright() as playwright:
-        arguments = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield browser
-        browser.close()
 
 
 class Studio:

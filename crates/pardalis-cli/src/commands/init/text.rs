@@ -287,9 +287,15 @@ pub(crate) fn guesses(text: &str) -> Vec<String> {
     let mut table = "";
     let mut keys = Vec::new();
     for line in text.lines() {
-        if let Some(header) = line.strip_prefix('[') {
-            table = header.trim_end_matches(']');
-        } else if let (true, Some((key, _))) = (line.contains(MARK), line.split_once(" = ")) {
+        let header = line
+            .strip_prefix('[')
+            .and_then(|rest| rest.split(']').next());
+        // A row of a list has commas.
+        if let Some(header) = header.filter(|header| !header.contains(',')) {
+            table = header;
+        } else if let (true, Some((key, _))) = (line.contains(MARK), line.split_once(" = "))
+            && !line.starts_with('#')
+        {
             keys.push(format!("{table}.{key}"));
         }
     }

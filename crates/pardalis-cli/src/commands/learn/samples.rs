@@ -19,6 +19,8 @@ use crate::user_error::user_error;
 
 /// Around what was pointed at, an outline is looked for within this many radii.
 const SEARCHED_RADII: f64 = 2.0;
+/// The radius of what fills a box, as a share of half its sides. Hand-set: boxes are hardly drawn more roughly.
+const FILLED: std::ops::RangeInclusive<f64> = 0.6..=1.15;
 /// Corners of the outline of a circle.
 const CORNERS: usize = 48;
 /// Of 3 x 3 pixels, a majority.
@@ -79,12 +81,21 @@ pub(crate) fn outline_of(
             (Label::Polygon(corners_of(&circle, frame)), circle)
         }
         Pointed::Within(a, b) => {
-            let label = boxed(frame, a, b)?;
-            let circle = Circle {
-                center_px: [0, 1].map(|axis| 0.5 * (a[axis] + b[axis])),
-                radius_px: 0.25 * ((a[0] - b[0]).abs() + (a[1] - b[1]).abs()),
+            let center_px = [0, 1].map(|axis| 0.5 * (a[axis] + b[axis]));
+            let radius_px = 0.25 * ((a[0] - b[0]).abs() + (a[1] - b[1]).abs());
+            let boxed_circle = Circle {
+                center_px,
+                radius_px,
             };
-            (label, circle)
+            let fills_it = |circle: &Circle| {
+                let is_inside = boxed_circle.radii_to(circle) < 0.5;
+                is_inside && FILLED.contains(&(circle.radius_px / radius_px))
+            };
+            // Boxes are drawn roughly, and what is beside the target in them is not to be learnt.
+            match round_region(frame, center_px).filter(fills_it) {
+                Some(circle) => (Label::Polygon(corners_of(&circle, frame)), circle),
+                None => (boxed(frame, a, b)?, boxed_circle),
+            }
         }
     };
     let image = PathBuf::from("image");
