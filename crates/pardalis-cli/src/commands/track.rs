@@ -454,6 +454,9 @@ pub(crate) fn summary(run: &Run) -> String {
         }
     }
     text += &camera_table(run);
+    for line in &run.sent {
+        let _ = writeln!(text, "{line}");
+    }
     for file in &run.files {
         let _ = writeln!(text, "  {}", file.shown());
     }

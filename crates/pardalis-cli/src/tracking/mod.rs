@@ -209,6 +209,8 @@ pub(crate) struct Run {
     pub(crate) series: SeriesCollector,
     /// Why targets were not found.
     pub(crate) missed: MissedFrames,
+    /// How many estimates were sent where, in words.
+    pub(crate) sent: Vec<String>,
     /// The files that were written, the most important first.
     pub(crate) files: Vec<PathBuf>,
 }
@@ -321,7 +323,7 @@ pub(crate) fn run_steps(
         sinks.others.push(watched);
     }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
-    drop(senders);
+    let sent = senders.into_iter().map(Sender::finish).collect();
     let mut files = Vec::new();
     let recorded = recorder.map_or(Ok(()), Recorder::finish);
     let finish = || -> Result<()> {
@@ -370,6 +372,7 @@ pub(crate) fn run_steps(
         outcome,
         series,
         missed,
+        sent,
         files,
     })
 }

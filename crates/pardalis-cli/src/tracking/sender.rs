@@ -14,7 +14,6 @@ use pardalis_scene::{Scene, TargetConfig};
 use serde_json::json;
 
 use super::{Instant, Sink, Tracked};
-use crate::output::note;
 use crate::timing::{Stopwatch, unix_s};
 use crate::user_error::user_error;
 
@@ -169,6 +168,22 @@ impl Sender {
         })
     }
 
+    /// Leaves the last line some time, ends, and returns how many were sent and dropped.
+    pub(crate) fn finish(self) -> String {
+        let watch = Stopwatch::start();
+        while self.slot.state().line.is_some() && watch.elapsed_s() < LAST.as_secs_f64() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let (destination, slot) = (self.destination.clone(), Arc::clone(&self.slot));
+        drop(self);
+        let state = slot.state();
+        let dropped = state.dropped + u64::from(state.line.is_some());
+        format!(
+            "{destination}: sent {} estimates, dropped {dropped}",
+            state.sent
+        )
+    }
+
     fn written(&self, tracked: &Tracked) -> serde_json::Value {
         let estimate = &tracked.estimate;
         let known = estimate.kinematics.as_ref();
@@ -211,24 +226,12 @@ impl Sink for Sender {
 
 impl Drop for Sender {
     fn drop(&mut self) {
-        let watch = Stopwatch::start();
-        while self.slot.state().line.is_some() && watch.elapsed_s() < LAST.as_secs_f64() {
-            std::thread::sleep(Duration::from_millis(5));
-        }
         self.slot.state().is_over = true;
         self.slot.changed.notify_all();
         if let Some(thread) = self.thread.take() {
             // A panic has been reported.
             let _ = thread.join();
         }
-        let state = self.slot.state();
-        let left = u64::from(state.line.is_some());
-        note(format_args!(
-            "{}: sent {} estimates, dropped {}",
-            self.destination,
-            state.sent,
-            state.dropped + left
-        ));
     }
 }
 

@@ -65,7 +65,7 @@ impl Running {
             stop: stop.clone(),
             watch: Some(watch.clone()),
         };
-        let path = path.to_owned();
+        let (path, stopped) = (path.to_owned(), stop.clone());
         let result = Arc::clone(&outcome);
         let thread = std::thread::Builder::new()
             .name("run".to_owned())
@@ -77,7 +77,8 @@ impl Running {
                         track::warnings(&run),
                         track::summary(&run)
                     )),
-                    // Stopped before its end, it has results nevertheless.
+                    // It has results nevertheless.
+                    Err(error) if stopped.is_requested() => Outcome::Done(format!("{error:#}")),
                     Err(error) => Outcome::Failed(format!("{error:#}")),
                 };
                 *result.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);

@@ -66,7 +66,11 @@ pub(super) struct Label {
 impl Session {
     /// Adds the cameras of a file, a folder, a device or an address.
     pub(super) fn add_source(&self, input: &str, fps: Option<f64>) -> Result<()> {
-        let is_live = input.contains("://") || input.starts_with("/dev/");
+        // Anything else is a file, which must be in an allowed place.
+        let device = input.strip_prefix("/dev/video");
+        let is_device =
+            device.is_some_and(|number| number.bytes().all(|byte| byte.is_ascii_digit()));
+        let is_live = input.contains("://") || is_device;
         let (texts, radius_m) = if is_live {
             (vec![self.live_camera(input)?], None)
         } else {
