@@ -271,7 +271,8 @@ function connected(is) {
       isAnnounced = false;
     }, (error) => say(error.message, true));
   } else if (app.latest.has("over")) {
-    say("The run is over.");
+    if (!isAnnounced) say("The run is over.");
+    isAnnounced = true;
   } else if (!isAnnounced) {
     isAnnounced = true;
     say("The program does not answer; see whether it still runs.", true);

@@ -196,7 +196,7 @@ mod tests {
             let entries = std::fs::read_dir(web.join(folder)).unwrap();
             let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
             names
-                .filter(|name| name.ends_with(".js") || name.ends_with(".css"))
+                .filter(|name| [".js", ".css"].iter().any(|ending| name.ends_with(ending)))
                 .map(|name| format!("{folder}{name}"))
                 .collect()
         };

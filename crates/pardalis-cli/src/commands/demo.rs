@@ -9,6 +9,7 @@ use crate::arguments::Threads;
 use crate::interrupt::Stop;
 use crate::output::{Shown, print};
 use crate::program_file;
+use crate::report::REPORT;
 use crate::tables;
 use crate::tracking::{self, Annotate, Limit, Options, Output, Previous};
 use crate::user_error::user_error;
@@ -73,11 +74,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     {
         print(format!(
             "\nThe mean position error was {:.0} mm at 1.8 to 3.9 m from the camera, almost all of it in distance;\n\
-             the mean direction error was {:.1} degrees. See {} and {}.",
+             the mean direction error was {:.1} degrees. Open {} in a browser.",
             1e3 * errors.position_m.mean,
             errors.direction_mean_rad.to_degrees(),
-            arguments.output.join("annotated").shown(),
-            arguments.output.join("above.png").shown()
+            arguments.output.join(REPORT).shown()
         ));
     }
     Ok(())

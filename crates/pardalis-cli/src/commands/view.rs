@@ -54,18 +54,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     refuse_foreign("-o", &page, "page of pardalis view", report::is_page)?;
     let summary = read_summary(&folder.join(SUMMARY))?;
     let mut notes = Vec::new();
-    let scene = match &summary {
-        Some(summary) => scene_of(summary, folder).unwrap_or_else(|problem| {
+    let scene = if let Some(summary) = &summary {
+        scene_of(summary, folder).unwrap_or_else(|problem| {
             warn(format!("{problem}; the page shows no cameras"));
             notes.push(format!("Without cameras and shapes: {problem}."));
             PageScene::of_balls(title_of(summary), &diameters_m(summary))
-        }),
-        None => {
-            notes.push(format!(
-                "Without cameras, shapes and settings: there is no {SUMMARY} beside the tracks."
-            ));
-            PageScene::of_balls(report::title(&tracks), &[])
-        }
+        })
+    } else {
+        notes.push(format!(
+            "Without cameras, shapes and settings: there is no {SUMMARY} beside the tracks."
+        ));
+        PageScene::of_balls(report::title(&tracks), &[])
     };
     report::write(
         &page,

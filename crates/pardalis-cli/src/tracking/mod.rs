@@ -340,27 +340,24 @@ pub(crate) fn run_steps(
             files.extend(smoothed.write(folder)?);
             series.replace(smoothed.samples());
         }
-        let (summary_path, summary) = summary::write(
+        files.push(summary::write(
             folder,
             scene_path,
             &open,
             &outcome,
             (&series, &missed),
             pool.current_num_threads(),
-        )?;
-        files.push(summary_path);
-        if options.report {
-            let scene = page_scene(scene_path, &open, &series);
-            files.push(write_report(folder, scene, &summary)?);
-        }
+        )?);
         if options.plots {
             files.extend(series.draw(folder, &open.scene, &[])?);
         }
         files.extend(crossing_rows.map(|rows| rows.path().to_owned()));
         files.extend(candidate_rows.map(|rows| rows.path().to_owned()));
         files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
-        files.extend(options.particles.clone());
-        files.extend(options.mcap.clone());
+        files.extend(options.particles.iter().chain(&options.mcap).cloned());
+        if options.report {
+            files.push(write_report(folder, scene_path, &open, &series)?);
+        }
         Ok(())
     };
     let finished = finish();
@@ -377,23 +374,25 @@ pub(crate) fn run_steps(
     })
 }
 
-/// Returns what a page shows of the scene.
-fn page_scene(scene_path: &Path, open: &OpenScene, series: &SeriesCollector) -> PageScene {
+/// Writes the page of the results in a folder, and returns its name.
+fn write_report(
+    folder: &Path,
+    scene_path: &Path,
+    open: &OpenScene,
+    series: &SeriesCollector,
+) -> Result<PathBuf> {
     let views = open.tracker.views().iter().enumerate();
     let cameras = views.map(|(number, view)| PageCamera {
         size_px: Some(view.size()),
         path: series.poses(number).to_vec(),
     });
     let cameras: Vec<_> = cameras.collect();
-    PageScene::new(report::title(scene_path), &open.scene, &cameras)
-}
-
-/// Writes the page of the rows in a folder, and returns its name.
-fn write_report(folder: &Path, scene: PageScene, summary: &serde_json::Value) -> Result<PathBuf> {
+    let scene = PageScene::new(report::title(scene_path), &open.scene, &cameras);
+    let summary = serde_json::from_slice(&std::fs::read(folder.join(summary::FILE))?)?;
     let (path, rows) = (folder.join(report::REPORT), folder.join(ROWS));
     // A crowd without members has none.
     let rows = previous::has_rows(&rows).then_some(&*rows);
-    report::write(&path, (rows, folder), scene, Some(summary), Vec::new())?;
+    report::write(&path, (rows, folder), scene, Some(&summary), Vec::new())?;
     Ok(path)
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::TargetId;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, json};
 
 use super::agreement;
 use super::radius::EstimatedRadius;
@@ -16,7 +16,7 @@ use crate::scene::OpenScene;
 /// The name of the file in the output folder.
 pub(crate) const FILE: &str = "summary.json";
 
-/// Writes the summary beside the rows, and returns it.
+/// Writes the summary beside the rows.
 pub(crate) fn write(
     folder: &Path,
     scene_path: &Path,
@@ -24,7 +24,7 @@ pub(crate) fn write(
     outcome: &Outcome,
     (series, missed): (&SeriesCollector, &MissedFrames),
     threads: usize,
-) -> Result<(PathBuf, Value)> {
+) -> Result<PathBuf> {
     let mut decoding_s = 0.0;
     let mut cameras = Map::new();
     let records = open.sources.iter().zip(&outcome.cameras);
@@ -119,5 +119,5 @@ pub(crate) fn write(
     let path = folder.join(FILE);
     let text = serde_json::to_string_pretty(&summary)? + "\n";
     write_file(&path, text.as_bytes())?;
-    Ok((path, summary))
+    Ok(path)
 }

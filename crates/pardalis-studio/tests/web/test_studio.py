@@ -339,7 +339,7 @@ def test_a_live_camera_is_tracked_while_a_page_watches(studio, tmp_path, stream)
     scene = scene.replace('images = "frames"\nfps = 25', f'video = "{stream}"')
     scene = scene.replace("../colors", str(DATA / "colors"))
     (tmp_path / "live.toml").write_text(scene)
-    one = studio("live.toml", "--watch", "--duration", "8", "-o", "out", command="track")
+    one = studio("live.toml", "--watch", "--duration", "6", "-o", "out", command="track")
     page = one.page
     expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
     expect(page.locator("[data-camera=cam1]:not(.waits)")).to_be_visible()
@@ -350,10 +350,12 @@ def test_a_live_camera_is_tracked_while_a_page_watches(studio, tmp_path, stream)
     page.wait_for_timeout(1000)
     later = float(re.search(r"([\d.]+) s", page.locator("#now .time").inner_text())[1])
     assert later > first
-    # It ends by itself, and its rows are complete.
+    # It ends by itself, which the page says, and its rows are complete.
     assert one.process.wait(60) == 0
     rows = list(csv.DictReader(open(tmp_path / "out/tracks.csv")))
     assert len(rows) > 100
+    expect(page.locator(".message")).to_contain_text("The run is over")
+    page.close()
     one.errors.clear()
 
 
