@@ -59,6 +59,7 @@ use smoothed::SmoothedTracks;
 pub(crate) use summary::FILE as SUMMARY;
 pub(crate) use tracked::Tracked;
 pub(crate) use watch::Watch;
+use watch::WatchSink;
 
 /// Where results go, and optional outputs.
 #[derive(Debug, Clone)]
@@ -263,40 +264,15 @@ pub(crate) fn run_steps(
     if let Output::Folder(folder) = &options.output {
         remove_old(folder);
     }
-    let mut annotator = match &options.output {
-        Output::Folder(folder) if options.annotate != Annotate::No => {
-            Some(Annotator::create(folder, &open.scene, options)?)
-        }
-        _ => None,
-    };
     let mut crossing_rows = CrossingRows::create(&options.output, &open.scene)?;
-    let mut candidate_rows = match &options.output {
-        Output::Folder(folder) if options.explain => {
-            Some(CandidateRows::create(folder, &open.scene)?)
-        }
-        _ => None,
-    };
-    let mut particle_rows = match &options.particles {
-        Some(path) => Some(ParticleRows::create(path, &open.scene)?),
-        None => None,
-    };
-    let mut recorder = match &options.mcap {
-        Some(path) => Some(Recorder::create(path, &open.scene)?),
-        None => None,
-    };
-    let senders = options.send.iter().map(|to| Sender::start(to, &open.scene));
-    let mut senders = senders.collect::<Result<Vec<_>>>()?;
-    let mut watched = match &options.watch {
-        Some(watch) => Some(watch.sink(scene_path, &open.scene, &open.tracker)),
-        None => None,
-    };
+    let mut extras = Extras::create(scene_path, &open, options)?;
     let mut series = SeriesCollector::new(&open.scene);
     let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
     let mut missed = MissedFrames::of(&open.scene.targets);
     let pool = options.threads.start()?;
     let mut sinks = Sinks {
         needed: vec![&mut rows, &mut series, &mut missed],
-        others: Vec::new(),
+        others: extras.sinks(),
     };
     if let Some(smoothed) = &mut smoothed {
         sinks.needed.push(smoothed);
@@ -304,28 +280,9 @@ pub(crate) fn run_steps(
     if let Some(crossing_rows) = &mut crossing_rows {
         sinks.needed.push(crossing_rows);
     }
-    if let Some(candidate_rows) = &mut candidate_rows {
-        sinks.others.push(candidate_rows);
-    }
-    if let Some(annotator) = &mut annotator {
-        sinks.others.push(annotator);
-    }
-    if let Some(particle_rows) = &mut particle_rows {
-        sinks.others.push(particle_rows);
-    }
-    if let Some(recorder) = &mut recorder {
-        sinks.others.push(recorder);
-    }
-    for sender in &mut senders {
-        sinks.others.push(sender);
-    }
-    if let Some(watched) = &mut watched {
-        sinks.others.push(watched);
-    }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
-    let sent = senders.into_iter().map(Sender::finish).collect();
+    let (sent, extra_files, recorded) = extras.finish(options);
     let mut files = Vec::new();
-    let recorded = recorder.map_or(Ok(()), Recorder::finish);
     let finish = || -> Result<()> {
         let Output::Folder(folder) = &options.output else {
             return Ok(());
@@ -352,9 +309,7 @@ pub(crate) fn run_steps(
             files.extend(series.draw(folder, &open.scene, &[])?);
         }
         files.extend(crossing_rows.map(|rows| rows.path().to_owned()));
-        files.extend(candidate_rows.map(|rows| rows.path().to_owned()));
-        files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
-        files.extend(options.particles.iter().chain(&options.mcap).cloned());
+        files.extend(extra_files);
         if options.report {
             files.push(write_report(folder, scene_path, &open, &series)?);
         }
@@ -453,6 +408,76 @@ fn remove_old(folder: &Path) {
         let _ = std::fs::remove_file(file);
     }
     annotate::remove_old(folder);
+}
+
+/// What takes results only because it was asked for. A failure of one does not end the run.
+struct Extras {
+    candidate_rows: Option<CandidateRows>,
+    annotator: Option<Annotator>,
+    particle_rows: Option<ParticleRows>,
+    recorder: Option<Recorder>,
+    senders: Vec<Sender>,
+    watched: Option<WatchSink>,
+}
+
+impl Extras {
+    fn create(scene_path: &Path, open: &OpenScene, options: &Options) -> Result<Self> {
+        let scene = &open.scene;
+        let folder = match &options.output {
+            Output::Folder(folder) => Some(folder),
+            Output::Stdout => None,
+        };
+        let annotated = folder.filter(|_| options.annotate != Annotate::No);
+        let annotator = annotated.map(|folder| Annotator::create(folder, scene, options));
+        let explained = folder.filter(|_| options.explain);
+        let candidate_rows = explained.map(|folder| CandidateRows::create(folder, scene));
+        let particles = options.particles.as_ref();
+        let particle_rows = particles.map(|path| ParticleRows::create(path, scene));
+        let recorder = options
+            .mcap
+            .as_ref()
+            .map(|path| Recorder::create(path, scene));
+        let senders = options.send.iter().map(|to| Sender::start(to, scene));
+        let watch = options.watch.as_ref();
+        Ok(Self {
+            annotator: annotator.transpose()?,
+            candidate_rows: candidate_rows.transpose()?,
+            particle_rows: particle_rows.transpose()?,
+            recorder: recorder.transpose()?,
+            senders: senders.collect::<Result<_>>()?,
+            watched: watch.map(|watch| watch.sink(scene_path, scene, &open.tracker)),
+        })
+    }
+
+    fn sinks(&mut self) -> Vec<&mut dyn Sink> {
+        fn sink<S: Sink>(sink: &mut S) -> &mut dyn Sink {
+            sink
+        }
+        let sinks = [
+            self.candidate_rows.as_mut().map(sink),
+            self.annotator.as_mut().map(sink),
+            self.particle_rows.as_mut().map(sink),
+            self.recorder.as_mut().map(sink),
+            self.watched.as_mut().map(sink),
+        ];
+        let senders = self.senders.iter_mut().map(sink);
+        sinks.into_iter().flatten().chain(senders).collect()
+    }
+
+    /// Ends them. Returns what was sent, in words, the files, and whether the recording is complete.
+    fn finish(self, options: &Options) -> (Vec<String>, Vec<PathBuf>, Result<()>) {
+        let sent = self.senders.into_iter().map(Sender::finish).collect();
+        let candidates = self.candidate_rows.map(|rows| rows.path().to_owned());
+        let annotated = self
+            .annotator
+            .map(|annotator| annotator.folder().to_owned());
+        let files = candidates.into_iter().chain(annotated);
+        let files = files
+            .chain(options.particles.clone())
+            .chain(options.mcap.clone());
+        let recorded = self.recorder.map_or(Ok(()), Recorder::finish);
+        (sent, files.collect(), recorded)
+    }
 }
 
 /// Everything that takes the results of a run.

@@ -58,9 +58,9 @@ fn datagrams_carry_the_rows_and_what_was_dropped_is_counted() {
         let length = socket.recv(&mut bytes).unwrap();
         messages.push(json(std::str::from_utf8(&bytes[..length]).unwrap()));
     }
-    messages
-        .iter()
-        .for_each(|message| assert_is_row(message, &rows));
+    for message in &messages {
+        assert_is_row(message, &rows);
+    }
     // Each is newer than those before, and the last knows how many are missing.
     let frames: Vec<u64> = messages
         .iter()
@@ -142,9 +142,9 @@ fn a_receiver_that_hangs_up_gets_whole_lines_when_it_returns() {
     assert_is_row(&json(&first), &rows);
     assert!(second.ends_with('\n'), "{second}");
     assert!(second.lines().count() > 10, "{second}");
-    second
-        .lines()
-        .for_each(|line| assert_is_row(&json(line), &rows));
+    for line in second.lines() {
+        assert_is_row(&json(line), &rows);
+    }
     let last = json(second.lines().last().unwrap());
     assert_eq!(last["frame"], rows.len() - 1);
     assert!(last["dropped"].as_u64().unwrap() > 0);

@@ -156,9 +156,15 @@ impl Session {
             }
             "set_fov" => self.set_fov(&read::<Guessed>(value)?)?,
             "set_calibration" => self.set_calibration(&read::<Calibrated>(value)?)?,
-            "set_pose" => return self.told(self.set_pose(&read::<KnownPoints>(value)?)?),
+            "set_pose" => {
+                let answer = self.set_pose(&read::<KnownPoints>(value)?)?;
+                self.tell();
+                return Ok(answer);
+            }
             "set_pose_of_board" => {
-                return self.told(self.set_pose_of_board(&read::<OnFloor>(value)?)?);
+                let answer = self.set_pose_of_board(&read::<OnFloor>(value)?)?;
+                self.tell();
+                return Ok(answer);
             }
             "find_rectangle" => return self.find_rectangle(&read::<OfCamera>(value)?),
             "grid" => return self.grid(&read::<OfCamera>(value)?),
@@ -261,12 +267,6 @@ impl Session {
                 inner.players.insert(name, player);
             }
         }
-    }
-
-    /// Tells the state to all pages, and returns the answer to one of them.
-    fn told(&self, answer: Value) -> Result<Value> {
-        self.tell();
-        Ok(answer)
     }
 
     /// Returns the state of the session, and tells it to all pages.
