@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use super::{evaluate, track};
+use super::{evaluate, run_report};
 use crate::arguments::Threads;
 use crate::interrupt::Stop;
 use crate::output::{Shown, print};
@@ -60,7 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         run.series
             .draw(&arguments.output, &run.open.scene, &truth)?,
     );
-    print(track::summary(&run));
+    print(run_report::summary(&run));
     let report = evaluate::score_files(
         &arguments.output,
         &truth_path,

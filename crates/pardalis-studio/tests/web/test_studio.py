@@ -21,6 +21,7 @@ DATA = ROOT / "data"
 PROGRAM = os.environ["PARDALIS"]
 # The program learns colours with code that is hardly optimised, on machines with other work.
 PATIENCE_MS = 60_000
+expect.set_options(timeout=PATIENCE_MS)
 
 
 class Studio:

@@ -1,6 +1,8 @@
 //! `pardalis studio`: from a source to a track in a browser. The command line is the same in programs that are built without it.
 
 #[cfg(feature = "studio")]
+mod answers;
+#[cfg(feature = "studio")]
 mod edits;
 #[cfg(feature = "studio")]
 mod places;
@@ -14,6 +16,8 @@ mod program;
 mod project;
 #[cfg(feature = "studio")]
 mod running;
+#[cfg(feature = "studio")]
+mod runs;
 #[cfg(feature = "studio")]
 mod session;
 #[cfg(feature = "studio")]

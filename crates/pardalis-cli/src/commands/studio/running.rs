@@ -1,30 +1,27 @@
 //! A run of the scene, on a thread of its own.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use anyhow::{Context as _, Result};
 use pardalis_scene::Scene;
 use serde_json::{Value, json};
 
-use super::session::Session;
 use crate::arguments::Threads;
-use crate::commands::track;
+use crate::commands::run_report;
 use crate::interrupt::Stop;
 use crate::output::Shown as _;
-use crate::scene;
 use crate::tracking::{self, Annotate, Limit, Options, Output, Previous, Watch};
-use crate::user_error::user_error;
 
 /// A run, or what came of it.
 pub(super) struct Running {
     pub(super) watch: Watch,
-    stop: Stop,
+    pub(super) stop: Stop,
     /// The folder of its results.
     folder: PathBuf,
     outcome: Arc<Mutex<Option<Outcome>>>,
-    thread: Option<JoinHandle<()>>,
+    pub(super) thread: Option<JoinHandle<()>>,
 }
 
 /// What came of a run.
@@ -37,7 +34,7 @@ enum Outcome {
 }
 
 impl Running {
-    fn start(
+    pub(super) fn start(
         path: &Path,
         scene: Scene,
         watch: Watch,
@@ -74,8 +71,8 @@ impl Running {
                 let outcome = match run {
                     Ok(run) => Outcome::Done(format!(
                         "{}\n{}",
-                        track::warnings(&run),
-                        track::summary(&run)
+                        run_report::warnings(&run),
+                        run_report::summary(&run)
                     )),
                     // It has results nevertheless.
                     Err(error) if stopped.is_requested() => Outcome::Done(format!("{error:#}")),
@@ -116,53 +113,5 @@ impl Running {
             "report": done.map(|text| text.trim().to_owned()),
             "error": failed,
         })
-    }
-}
-
-impl Session {
-    /// Starts to track the scene as it is, saved or not.
-    pub(super) fn track(&self) -> Result<()> {
-        let mut inner = self.inner();
-        if inner.running.as_ref().is_some_and(Running::goes_on) {
-            return Err(user_error!("a run goes on; stop it first"));
-        }
-        let path = inner.project.path().to_owned();
-        let text = Arc::clone(&inner.project.now().text);
-        let scene = scene::parse(&text, &path, &toml::Table::new())?;
-        // Live cameras can be open only once.
-        inner.players.retain(|_, player| !player.is_live());
-        let session = Weak::clone(&self.me);
-        let ended = move || {
-            if let Some(session) = session.upgrade() {
-                session.follow();
-                session.tell();
-            }
-        };
-        inner.running = Some(Running::start(&path, scene, Watch::of(&self.feed), ended)?);
-        Ok(())
-    }
-
-    /// Waits for the end of the run.
-    pub(super) fn wait(&self) {
-        let running = self.inner().running.take();
-        if let Some(thread) = running.and_then(|running| running.thread) {
-            // A panic has been reported.
-            let _ = thread.join();
-        }
-    }
-
-    /// Ends the run; its results are complete.
-    pub(super) fn stop(&self) {
-        if let Some(running) = &self.inner().running {
-            running.stop.request();
-        }
-    }
-
-    /// Returns rows of the run.
-    pub(super) fn rows(&self, from: usize) -> Value {
-        match &self.inner().running {
-            Some(running) => running.watch.rows_from(from),
-            None => json!({ "first": from, "next": from, "targets": {} }),
-        }
     }
 }

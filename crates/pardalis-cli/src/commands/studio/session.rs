@@ -1,21 +1,16 @@
-//! The session: a project, the pictures of its cameras and a run, and the requests of the page.
+//! The session: a project, the pictures of its cameras and a run.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use anyhow::Result;
-use pardalis_studio::{Feed, Program};
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
-use serde_json::{Value, json};
+use pardalis_studio::Feed;
+use serde_json::Value;
 
 use super::places::Places;
 use super::player::Player;
-use super::pose::{KnownPoints, OfCamera, OnFloor};
 use super::project::{Project, State};
 use super::running::Running;
-use super::steps::{Calibrated, Guessed, Label, NewTarget, Radius};
-use crate::commands::devices;
 use crate::commands::learn::samples::Learnt;
 use crate::scene::{self, Parts};
 use crate::user_error::user_error;
@@ -37,70 +32,6 @@ pub(super) struct Inner {
     /// The colours that were learnt from the present samples of targets, by their names.
     pub(super) learnt: BTreeMap<String, Learnt>,
     pub(super) running: Option<Running>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Folder {
-    folder: Option<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct NewSource {
-    input: String,
-    fps: Option<f64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Shown {
-    camera: String,
-    is_playing: Option<bool>,
-    frame: Option<usize>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Removed {
-    kind: String,
-    name: String,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Rows {
-    from: usize,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Marked {
-    camera: String,
-    target: String,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Unlabelled {
-    target: String,
-    number: usize,
-}
-
-impl Program for Session {
-    fn answer(&self, request: &str, value: Value) -> Result<Value, String> {
-        let answer = self.answered(request, value);
-        answer.map_err(|error| format!("{error:#}"))
-    }
-}
-
-/// Reads what comes with a request.
-fn read<T: DeserializeOwned>(value: Value) -> Result<T> {
-    serde_json::from_value(value).map_err(|error| user_error!("the request is malformed: {error}"))
 }
 
 impl Session {
@@ -125,86 +56,6 @@ impl Session {
 
     pub(super) fn is_saved(&self) -> bool {
         self.inner().project.is_saved()
-    }
-
-    fn answered(&self, request: &str, value: Value) -> Result<Value> {
-        match request {
-            "state" => read::<Nothing>(value).map(|_| ())?,
-            "files" => return self.places.listed(read::<Folder>(value)?.folder.as_deref()),
-            "devices" => {
-                read::<Nothing>(value)?;
-                let found = devices::listed();
-                let found = found
-                    .iter()
-                    .map(|(place, name)| json!({ "input": place, "name": name }));
-                return Ok(found.collect());
-            }
-            "add_source" => {
-                let source: NewSource = read(value)?;
-                self.add_source(&source.input, source.fps)?;
-            }
-            "show" => {
-                let shown: Shown = read(value)?;
-                let inner = self.inner();
-                let player = inner.player(&shown.camera)?;
-                player.order(shown.is_playing, shown.frame);
-                return Ok(json!({}));
-            }
-            "remove" => {
-                let removed: Removed = read(value)?;
-                self.remove(&removed.kind, &removed.name)?;
-            }
-            "set_fov" => self.set_fov(&read::<Guessed>(value)?)?,
-            "set_calibration" => self.set_calibration(&read::<Calibrated>(value)?)?,
-            "set_pose" => {
-                let answer = self.set_pose(&read::<KnownPoints>(value)?)?;
-                self.tell();
-                return Ok(answer);
-            }
-            "set_pose_of_board" => {
-                let answer = self.set_pose_of_board(&read::<OnFloor>(value)?)?;
-                self.tell();
-                return Ok(answer);
-            }
-            "find_rectangle" => return self.find_rectangle(&read::<OfCamera>(value)?),
-            "grid" => return self.grid(&read::<OfCamera>(value)?),
-            "add_target" => self.add_target(&read::<NewTarget>(value)?)?,
-            "set_radius" => self.set_radius(&read::<Radius>(value)?)?,
-            "label" => self.label(&read::<Label>(value)?)?,
-            "unlabel" => {
-                let label: Unlabelled = read(value)?;
-                self.unlabel(&label.target, label.number)?;
-            }
-            "marked" => {
-                let marked: Marked = read(value)?;
-                return self.show_marked(&marked.target, &marked.camera);
-            }
-            "track" => {
-                read::<Nothing>(value)?;
-                self.track()?;
-            }
-            "stop" => {
-                read::<Nothing>(value)?;
-                self.stop();
-            }
-            "rows" => return Ok(self.rows(read::<Rows>(value)?.from)),
-            "undo" => {
-                read::<Nothing>(value)?;
-                self.inner().project.undo()?;
-                self.changed();
-            }
-            "redo" => {
-                read::<Nothing>(value)?;
-                self.inner().project.redo()?;
-                self.changed();
-            }
-            "save" => {
-                read::<Nothing>(value)?;
-                self.inner().project.save()?;
-            }
-            _ => return Err(user_error!("{request}: is no request of this page")),
-        }
-        Ok(self.tell())
     }
 
     /// Goes to another state of the project, unless what was edited, by its key, has a problem then that it did not have.
