@@ -15,7 +15,7 @@ export class Body {
     this.top = topOf(shape);
     this.group = new Group();
     this.solid = new Mesh(geometryOf(shape), new MeshLambertMaterial());
-    this.ellipsoid = new Mesh(new SphereGeometry(1, 32, 20), new MeshBasicMaterial({ transparent: true, opacity: 0.3, depthWrite: false, side: DoubleSide }));
+    this.ellipsoid = new Mesh(new SphereGeometry(1, 24, 14), new MeshBasicMaterial({ transparent: true, opacity: 0.3, depthWrite: false, side: DoubleSide }));
     this.ellipsoid.matrixAutoUpdate = false;
     this.arrow = new Mesh(new ConeGeometry(0.25 * this.reach, 0.8 * this.reach, 20).rotateZ(-Math.PI / 2), new MeshBasicMaterial());
     this.group.add(this.solid, this.arrow);

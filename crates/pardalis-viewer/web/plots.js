@@ -73,7 +73,7 @@ export class Plots {
       element("figcaption", {}, element("b", { style: `color: ${color}` }, kind.title), kind.unit && ` (${kind.unit})`, value));
     this.host.append(figure);
     const marker = element("div", { class: "pv-marker" });
-    const line = { stroke: color, width: 1.6, points: { show: false }, spanGaps: false };
+    const line = { stroke: color, width: 1.6, points: { show: false }, paths: linePath };
     const edge = { stroke: "transparent", width: 0, points: { show: false }, spanGaps: false };
     const hasBand = kind.variance || kind.sigma;
     const axis = { stroke: css(this.host, "--pv-muted"), grid: { stroke: css(this.host, "--pv-line"), width: 1 }, ticks: { show: false }, font: "11px system-ui, sans-serif" };
@@ -185,6 +185,29 @@ export function columnsOf(track, { column, variance, sigma, factor = 1 }) {
     lows.push(hasBand ? value - two : null);
   }
   return variance || sigma ? [times, lows, highs, values] : [times, values];
+}
+
+/** A line that is not there where values are missing, however short the gap: the lines of uPlot cross gaps of a few pixels. */
+function linePath(plot, series, first, last) {
+  const [times, values] = [plot.data[0], plot.data[series]];
+  const stroke = new Path2D();
+  let [lastX, lastY] = [NaN, NaN];
+  for (let row = first; row <= last; row++) {
+    if (values[row] === null) {
+      lastX = NaN;
+      continue;
+    }
+    const [x, y] = [plot.valToPos(times[row], "x", true), plot.valToPos(values[row], "y", true)];
+    if (Number.isNaN(lastX)) {
+      // A single value between gaps is a dot.
+      stroke.moveTo(x - 0.5, y);
+    } else if (Math.abs(x - lastX) < 0.5 && Math.abs(y - lastY) < 0.5) {
+      continue;
+    }
+    stroke.lineTo(x, y);
+    [lastX, lastY] = [x, y];
+  }
+  return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
 }
 
 /** A range that is at least this long, with a margin. */

@@ -25,7 +25,7 @@ export function geometryOf(shape = UNKNOWN) {
       return new BoxGeometry(...shape.size_m, thickness).translate(0, 0, shape.height_m);
     }
     default:
-      return new SphereGeometry(shape.radius_m ?? UNKNOWN.radius_m, 40, 28);
+      return new SphereGeometry(shape.radius_m ?? UNKNOWN.radius_m, 28, 18);
   }
 }
 

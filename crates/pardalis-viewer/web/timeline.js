@@ -108,8 +108,6 @@ export class Timeline {
       " ": () => this.toggle(),
       ArrowLeft: () => this.step(-far),
       ArrowRight: () => this.step(far),
-      PageUp: () => this.step(-25),
-      PageDown: () => this.step(25),
       Home: () => this.#choose(0),
       End: () => this.#choose(this.times.length - 1),
     };

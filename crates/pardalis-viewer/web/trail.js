@@ -4,7 +4,7 @@ import { confidenceColor, theme } from "pardalis/colors.js";
 import { lastAtOrBefore } from "pardalis/tracks.js";
 
 /** More points of a trail are thinned: several a pixel. */
-const MAX_POINTS = 20000;
+const MAX_POINTS = 10000;
 
 export class Trail {
   constructor(parent) {

@@ -51,6 +51,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(page) => page.clone(),
         None => folder.join(report::VIEW),
     };
+    // The folder may have come from somebody else.
+    if arguments.output.is_none() && page.is_symlink() {
+        return Err(user_error!(
+            "{}: is a link, through which the page could replace a file elsewhere; remove it, or give -o",
+            page.shown()
+        ));
+    }
     refuse_foreign("-o", &page, "page of pardalis view", report::is_page)?;
     let summary = read_summary(&folder.join(SUMMARY))?;
     let mut notes = Vec::new();

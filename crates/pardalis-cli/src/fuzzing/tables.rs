@@ -9,6 +9,7 @@ use crate::commands::devices::formats::{best, formats_in};
 use crate::detections;
 use crate::fuzzed_file::{FILE, check_error};
 use crate::platforms;
+use crate::report::json_of_tracks;
 use crate::tables::{Series, Table, tracks_of, truth_of};
 
 /// Returns what a reader reads from a table, if it accepts it.
@@ -38,7 +39,17 @@ fn are_finite<const N: usize>(numbers: Option<[f64; N]>) -> bool {
     numbers.iter().flatten().all(|number| number.is_finite())
 }
 
+/// Reads tracks as `evaluate` and, because `view` takes more, as pages do.
 pub(super) fn tracks(bytes: &[u8]) -> bool {
+    if let Some(json) = read(bytes, json_of_tracks) {
+        let columns: serde_json::Value = serde_json::from_str(&json).unwrap();
+        for track in columns.as_object().unwrap().values() {
+            let count = |name: &str| track[name].as_array().unwrap().len();
+            assert!(count("state") > 0 && count("state") == count("time_s"));
+            let times = track["time_s"].as_array().unwrap();
+            assert!(times.iter().all(serde_json::Value::is_number));
+        }
+    }
     let Some(tracks) = read(bytes, tracks_of) else {
         return false;
     };

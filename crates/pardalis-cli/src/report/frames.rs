@@ -9,7 +9,6 @@ use pardalis_images::{JpegSampling, encode_jpeg};
 use pardalis_viewer::data_address;
 use serde::Serialize;
 
-use super::scene::PageScene;
 use crate::source::decode::decode_image;
 
 /// The most bytes that images take in a page.
@@ -32,15 +31,14 @@ pub(super) struct PageFrame {
 type Files = Vec<(String, PathBuf)>;
 
 /// Reads the annotated frames in a folder, as many as fit into a page, and returns them with a note if that is not all. Frames without rows are left
-/// out. Without the folder there are none.
+/// out. Without the folder there are none. Frames that are not in folders named after cameras are those of `only_camera`.
 pub(super) fn read(
     folder: &Path,
     times_s: &BTreeMap<usize, f64>,
-    scene: &PageScene,
+    only_camera: &str,
 ) -> Result<(Vec<PageFrame>, Option<String>)> {
-    let only = scene.camera_names.first().map_or("camera", |name| name);
     let mut files: BTreeMap<usize, Files> = BTreeMap::new();
-    for (camera, folder) in camera_folders(folder, only) {
+    for (camera, folder) in camera_folders(folder, only_camera) {
         for (number, path) in frames_in(&folder) {
             if times_s.contains_key(&number) {
                 files

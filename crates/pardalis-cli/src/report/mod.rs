@@ -2,12 +2,14 @@
 
 mod frames;
 mod scene;
+mod secrets;
 mod tracks;
 
 use std::path::Path;
 
 use anyhow::Result;
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::files::write_file;
 pub(crate) use scene::{PageCamera, PageScene};
@@ -26,26 +28,29 @@ pub(crate) const ANNOTATED: &str = "annotated";
 struct Data<'a> {
     scene: &'a PageScene,
     tracks: tracks::TrackColumns,
-    summary: Option<&'a serde_json::Value>,
+    summary: Option<Value>,
     notes: Vec<String>,
 }
 
 /// Writes a page into the file at `path`. It shows the rows in `tracks`, if there are any, and the frames in the folder [`ANNOTATED`] beside them, in which the outlines
-/// are drawn; `notes` are shown with it.
+/// are drawn; `notes` are shown with it. Addresses in the summary lose names and passwords.
 ///
 /// Errors: the rows are no tracks, or the page cannot be written.
 pub(crate) fn write(
     path: &Path,
     (tracks, folder): (Option<&Path>, &Path),
     mut scene: PageScene,
-    summary: Option<&serde_json::Value>,
+    summary: Option<&Value>,
     mut notes: Vec<String>,
 ) -> Result<()> {
     let read = tracks.map(tracks::read).transpose()?.unwrap_or_default();
     notes.extend(read.note);
-    let (frames, note) = frames::read(&folder.join(ANNOTATED), &read.times_s, &scene)?;
+    let (frames, note) =
+        frames::read(&folder.join(ANNOTATED), &read.times_s, scene.first_camera())?;
     scene.frames = frames;
     notes.extend(note);
+    let mut summary = summary.cloned();
+    summary.iter_mut().for_each(secrets::remove);
     let title = scene.title.clone();
     let data = Data {
         scene: &scene,
@@ -55,6 +60,12 @@ pub(crate) fn write(
     };
     let page = pardalis_viewer::page(&serde_json::to_string(&data)?, &title);
     write_file(path, page.as_bytes())
+}
+
+/// Returns the rows of a table as those of a page, as JSON.
+#[cfg(any(test, feature = "fuzz"))]
+pub(crate) fn json_of_tracks(table: &crate::tables::Table) -> Result<String> {
+    Ok(serde_json::to_string(&tracks::columns_of(table)?.columns)?)
 }
 
 /// Returns the title of the page of a scene: the name of its file, or of its folder if that is only `scene.toml`.

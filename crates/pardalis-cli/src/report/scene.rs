@@ -27,8 +27,6 @@ pub(crate) struct PageScene {
     targets: Vec<Value>,
     /// The images, added last.
     pub(super) frames: Vec<PageFrame>,
-    #[serde(skip)]
-    pub(super) camera_names: Vec<String>,
 }
 
 /// What the file of a scene does not say about a camera.
@@ -59,7 +57,6 @@ impl PageScene {
             cameras: entries.collect(),
             targets: scene.targets.iter().map(target_entry).collect(),
             frames: Vec::new(),
-            camera_names: scene.cameras.iter().map(|c| c.name.clone()).collect(),
         }
     }
 
@@ -72,8 +69,17 @@ impl PageScene {
             cameras: Vec::new(),
             targets: diameters_m.iter().map(target).collect(),
             frames: Vec::new(),
-            camera_names: Vec::new(),
         }
+    }
+}
+
+impl PageScene {
+    /// Returns the name of the first camera.
+    pub(super) fn first_camera(&self) -> &str {
+        let first = self.cameras.first();
+        first
+            .and_then(|camera| camera["name"].as_str())
+            .unwrap_or("camera")
     }
 }
 

@@ -121,7 +121,11 @@ pub(super) struct ReadTracks {
 
 /// Reads rows like those of `tracks.csv`. Needs the columns `time_s,target,x_m,y_m,z_m`.
 pub(super) fn read(path: &Path) -> Result<ReadTracks> {
-    let table = Table::read(path)?;
+    columns_of(&Table::read(path)?)
+}
+
+/// Returns the columns of the targets in a table, like [`read`].
+pub(super) fn columns_of(table: &Table) -> Result<ReadTracks> {
     let [target, time] = [table.column("target")?, table.column("time_s")?];
     table.columns(["x_m", "y_m", "z_m"])?;
     let state = table.optional_column("state");

@@ -126,6 +126,14 @@ fn a_finished_track_is_shown_with_its_scene() {
     view(&place, &["out", "-o", "notes.html"])
         .refused(&["-o notes.html: exists and holds no page of pardalis view"]);
 
+    #[cfg(unix)]
+    {
+        fs::remove_file(place.path("out/view.html")).unwrap();
+        std::os::unix::fs::symlink(place.path("notes.html"), place.path("out/view.html")).unwrap();
+        view(&place, &["out"]).refused(&["out/view.html: is a link", "give -o"]);
+        fs::remove_file(place.path("out/view.html")).unwrap();
+    }
+
     // The scene is gone: its rows are shown without cameras, and the page says so.
     fs::remove_file(place.path("scene.toml")).unwrap();
     let run = view(&place, &["out"]);

@@ -106,7 +106,10 @@ def test_it_plays_and_pauses(report, open_page):
     page = open_page(report[0])
     set_slider(page, 0)
     page.keyboard.press("Space")
-    page.wait_for_function("document.querySelector('.pv-slider').value > 3")
+    # Not `wait_for_function`, which the page's policy against scripts in strings forbids.
+    while int(page.locator(".pv-slider").input_value()) <= 3:
+        assert page.locator(".pv-play").get_attribute("aria-label") == "Pause"
+        page.wait_for_timeout(50)
     page.keyboard.press("Space")
     stopped = page.locator(".pv-slider").input_value()
     page.wait_for_timeout(200)
@@ -193,8 +196,16 @@ def test_a_crowd_of_fifty(view, open_page):
 
 
 def test_a_hundred_thousand_rows(view, open_page):
-    rows = [row(frame, "ball", (math.sin(frame / 1000), math.cos(frame / 1700), 0.5 + 0.4 * math.sin(frame / 300))) for frame in range(100_000)]
+    def position(frame):
+        return (math.sin(frame / 1000), math.cos(frame / 1700), 0.5 + 0.4 * math.sin(frame / 300))
+
+    # Hidden for a hundredth of the time: a few pixels of a plot, in which the line falls from top to bottom.
+    rows = [row(frame, "ball", None if frame // 1000 == 80 else (math.copysign(1, 80_000 - frame) if frame > 70_000 else position(frame)[0], *position(frame)[1:])) for frame in range(100_000)]
     page = open_page(view(rows))
+    plot = picture(page.locator(".pv-plot .u-over").first)
+    orange = [sum(1 for y in range(plot.height) if plot.getpixel((x, y))[0] - plot.getpixel((x, y))[2] > 60) for x in range(plot.width)]
+    hidden = int(0.80 * plot.width)
+    assert min(orange[hidden : hidden + 6]) == 0 and max(orange[hidden - 10 : hidden + 16]) < 12
     assert page.locator(".pv-slider").get_attribute("max") == "99999"
     set_slider(page, 54_321)
     assert shown(page) == [f"{math.sin(54.321):.3f}", f"{math.cos(54321 / 1700):.3f}", f"{0.5 + 0.4 * math.sin(54321 / 300):.3f}"]
@@ -209,7 +220,7 @@ def test_a_hundred_thousand_rows(view, open_page):
             return [rows.length, rows[0], rows.at(-1)];
         }"""
     )
-    assert 20_000 < ends[0] <= 40_000 and ends[1:] == [0, 99_999]
+    assert 10_000 < ends[0] <= 20_000 and ends[1:] == [0, 99_999]
 
 
 def test_without_webgl_there_are_numbers_and_plots(report, open_page):
