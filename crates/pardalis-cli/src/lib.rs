@@ -62,6 +62,9 @@ pub use mcap::ros2;
   pardalis locate scene.toml --at 460,88          single images, independently
   pardalis rectify scene.toml                     maps of the ground, seen from above
 
+In a browser:
+  pardalis studio ride.mp4                        all of this, step by step
+
 Without cameras:
   pardalis simulate data/worlds/ring.toml -o ring   images of a synthetic world, with ground truth
 
@@ -85,6 +88,7 @@ enum Command {
     Calibrate(commands::calibrate::Arguments),
     Demo(commands::demo::Arguments),
     Devices(commands::devices::Arguments),
+    Studio(commands::studio::Arguments),
     Init(commands::init::Arguments),
     Learn(commands::learn::Arguments),
     Camera(commands::camera::Arguments),
@@ -127,6 +131,7 @@ fn run_command(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Calibrate(arguments) => commands::calibrate::run(&arguments),
         Command::Demo(arguments) => commands::demo::run(&arguments),
         Command::Devices(arguments) => commands::devices::run(&arguments),
+        Command::Studio(arguments) => commands::studio::run(&arguments),
         Command::Init(arguments) => commands::init::run(&arguments),
         Command::Learn(arguments) => commands::learn::run(&arguments),
         Command::Camera(arguments) => commands::camera::run(&arguments),

@@ -71,23 +71,28 @@ pub(crate) fn read(path: &Path) -> Result<Scene> {
 /// Reads and checks a scene file like [`read`], with some settings replaced: full keys, such as
 /// `targets.ball.filter.particles`, with their values.
 pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
-    checked(path, |text, read_calibration| {
-        Scene::parse_with(text, replaced, read_calibration)
-    })
+    parse(&read_scene_text(path)?, path, replaced)
 }
 
 /// Reads and checks a scene file like [`read`], whose cameras may lack poses.
 pub(crate) fn read_without_poses(path: &Path) -> Result<Scene> {
-    checked(path, Scene::parse_without_poses)
+    checked(&read_scene_text(path)?, path, Scene::parse_without_poses)
+}
+
+/// Reads and checks the text of a scene that is in the file at `path`, or will be, like [`read_with`].
+pub(crate) fn parse(text: &str, path: &Path, replaced: &toml::Table) -> Result<Scene> {
+    checked(text, path, |text, read_calibration| {
+        Scene::parse_with(text, replaced, read_calibration)
+    })
 }
 
 fn checked(
+    text: &str,
     path: &Path,
     parse: impl Fn(&str, ReadCalibration) -> Result<Scene, Vec<Problem>>,
 ) -> Result<Scene> {
-    let text = read_scene_text(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut scene = parse(&text, &|file, lens| read_calibration(folder, file, lens))
+    let mut scene = parse(text, &|file, lens| read_calibration(folder, file, lens))
         .map_err(|problems| problems_in("scene", path, &problems))?;
     let mut problems = Vec::new();
     for camera in &mut scene.cameras {
@@ -180,6 +185,29 @@ pub(crate) fn open_parts(path: &Path) -> Result<Parts> {
     parts.find_recorded_rectangles(folder);
     parts.open_targets(folder);
     Ok(parts)
+}
+
+/// Reads a scene's text and opens the files that it names in a folder, except for frames: `sizes_px` are those of the images of cameras, by their
+/// names, as far as they are known.
+#[cfg(feature = "studio")]
+pub(crate) fn parts_of_text(
+    text: &str,
+    folder: &Path,
+    sizes_px: &std::collections::BTreeMap<String, (usize, usize)>,
+) -> Parts {
+    let (scene, problems) =
+        Scene::parse_parts(text, &|file, lens| read_calibration(folder, file, lens));
+    let missing = named_files::missing(text, folder, &scene);
+    let mut parts = Parts::with(scene, problems);
+    parts.assembly.problems.extend(missing);
+    for camera in &parts.scene.cameras {
+        let size_px = sizes_px.get(&camera.name).copied();
+        let files = SceneFiles::of(folder);
+        parts.assembly.add_camera(camera, size_px, &files);
+        parts.sources.push(None);
+    }
+    parts.open_targets(folder);
+    parts
 }
 
 /// A scene whose files are being opened: what could be opened, and all problems.
@@ -467,7 +495,7 @@ fn open_source(
 }
 
 /// Returns the source settings of a camera of a scene in this folder.
-fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, Problem> {
+pub(crate) fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, Problem> {
     let kind = match &camera.input {
         Input::Mcap { file, topic } => SourceKind::Mcap {
             file: resolve(folder, &file.value),

@@ -14,6 +14,17 @@ pub(crate) fn now_s() -> f64 {
     START.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
+/// Returns the seconds since the beginning of 1970, UTC, by the clock of this computer.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "estimates that are sent carry the time when they are"
+)]
+pub(crate) fn unix_s() -> f64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    // A clock before 1970 is as wrong as one at it.
+    since.map_or(0.0, |since| since.as_secs_f64())
+}
+
 /// A stopwatch for durations.
 pub(crate) struct Stopwatch(Instant);
 

@@ -5,6 +5,8 @@ export function element(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
     if (typeof value === "function") made[name] = value;
+    // Pages of servers may allow no attributes with styles.
+    else if (name === "style") made.style.cssText = value;
     else if (value !== undefined && value !== false) made.setAttribute(name, value);
   }
   made.append(...children);

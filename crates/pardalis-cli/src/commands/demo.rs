@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use super::{evaluate, track};
+use super::{evaluate, run_report};
 use crate::arguments::Threads;
+use crate::interrupt::Stop;
 use crate::output::{Shown, print};
 use crate::program_file;
 use crate::report::REPORT;
@@ -38,12 +39,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         explain: false,
         particles: None,
         mcap: None,
+        send: Vec::new(),
         smooth: false,
         plots: false,
         report: true,
         progress: true,
         previous: Previous::Replace,
         limit: Limit::default(),
+        stop: Stop::default(),
+        watch: None,
     };
     print(format!(
         "tracking an orange ball through {}",
@@ -56,7 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         run.series
             .draw(&arguments.output, &run.open.scene, &truth)?,
     );
-    print(track::summary(&run));
+    print(run_report::summary(&run));
     let report = evaluate::score_files(
         &arguments.output,
         &truth_path,

@@ -12,6 +12,8 @@ pub(crate) mod likelihood;
 pub(crate) mod locate;
 pub(crate) mod measure;
 pub(crate) mod rectify;
+pub(crate) mod run_report;
 pub(crate) mod simulate;
+pub(crate) mod studio;
 pub(crate) mod track;
 pub(crate) mod view;

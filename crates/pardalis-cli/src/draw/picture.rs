@@ -20,7 +20,7 @@ pub(crate) fn picture_of(frame: &Frame) -> RgbImage {
 }
 
 /// Returns a picture as the bytes of a JPEG file.
-#[cfg(feature = "mcap")]
+#[cfg(any(feature = "mcap", feature = "studio"))]
 pub(crate) fn jpeg_of(picture: &RgbImage) -> anyhow::Result<Vec<u8>> {
     Ok(encode_jpeg(picture, JPEG_QUALITY, JpegSampling::Automatic)?)
 }

@@ -7,7 +7,7 @@ use pardalis::Frame;
 use serde::Serialize;
 
 use super::merge::{FrameCounts, FrameSet, Limit, Merge};
-use crate::interrupt;
+use crate::interrupt::Stop;
 use crate::source::{Delivery, Source};
 use crate::timing::now_s;
 
@@ -56,18 +56,21 @@ pub(crate) struct FrameSets<'a> {
     merge: Merge,
     /// Warnings that have not been printed yet.
     warnings: Vec<String>,
+    stop: Stop,
 }
 
 impl<'a> FrameSets<'a> {
-    /// Takes frames from these sources, which are all recorded or all live, up to this limit. The cameras' names are for
+    /// Takes frames from these sources, which are all recorded or all live, up to this limit or until it is stopped. The cameras' names are for
     /// messages.
     pub(crate) fn new(
         sources: &'a mut [Source],
         names: Vec<String>,
         max_delay_s: f64,
         limit: Limit,
+        stop: Stop,
     ) -> Self {
         Self {
+            stop,
             is_live: sources.iter().any(Source::is_live),
             next: sources.iter().map(|_| None).collect(),
             failures: vec![None; sources.len()],
@@ -172,10 +175,10 @@ impl<'a> FrameSets<'a> {
         }
     }
 
-    /// Returns the next set of live cameras without waiting for silent ones; `None` once all have ended or the user
-    /// interrupts.
+    /// Returns the next set of live cameras without waiting for silent ones; `None` once all have ended or it is
+    /// stopped.
     fn next_live(&mut self) -> Option<FrameSet> {
-        while !interrupt::requested() {
+        while !self.stop.is_requested() {
             let now_s = now_s();
             let mut arrived = Vec::new();
             let mut ended = 0;

@@ -5,6 +5,7 @@ mod annotate;
 mod candidate_rows;
 mod crossing_rows;
 mod frame_sets;
+mod marks;
 mod merge;
 pub(crate) mod missed;
 mod particle_rows;
@@ -13,10 +14,13 @@ pub(crate) mod radius;
 #[cfg_attr(not(feature = "mcap"), path = "without_recorder.rs")]
 mod recorder;
 mod rows;
+mod sender;
 mod series;
 mod smoothed;
 mod summary;
 mod tracked;
+#[cfg_attr(not(feature = "studio"), path = "without_watch.rs")]
+mod watch;
 
 use std::path::{Path, PathBuf};
 
@@ -30,7 +34,7 @@ use crate::arguments::Threads;
 use crate::detections::Detections;
 use crate::draw::plots::TRACK_PLOTS;
 use crate::files::refuse_links;
-use crate::interrupt;
+use crate::interrupt::{self, Stop};
 use crate::output::warn;
 use crate::platforms;
 use crate::report::{self, PageCamera, PageScene};
@@ -48,10 +52,14 @@ use missed::MissedFrames;
 use particle_rows::ParticleRows;
 use recorder::Recorder;
 use rows::Rows;
+pub(crate) use sender::Destination;
+use sender::Sender;
 pub(crate) use series::{CrowdCounts, SeriesCollector, truth_series};
 use smoothed::SmoothedTracks;
 pub(crate) use summary::FILE as SUMMARY;
 pub(crate) use tracked::Tracked;
+pub(crate) use watch::Watch;
+use watch::WatchSink;
 
 /// Where results go, and optional outputs.
 #[derive(Debug, Clone)]
@@ -70,6 +78,8 @@ pub(crate) struct Options {
     pub(crate) particles: Option<PathBuf>,
     /// An MCAP recording of images and estimates.
     pub(crate) mcap: Option<PathBuf>,
+    /// Where estimates are sent while tracking.
+    pub(crate) send: Vec<Destination>,
     /// Whether to smooth the tracks at the end; needs a folder.
     pub(crate) smooth: bool,
     /// Whether to draw plots.
@@ -82,6 +92,10 @@ pub(crate) struct Options {
     pub(crate) previous: Previous,
     /// When to end before the frames do.
     pub(crate) limit: Limit,
+    /// Ends the run as an interrupt does.
+    pub(crate) stop: Stop,
+    /// What shows the run while it goes on.
+    pub(crate) watch: Option<Watch>,
 }
 
 /// Whether to write annotated frames, and what they show beside estimates.
@@ -125,6 +139,8 @@ pub(crate) struct Instant<'a> {
     pub(crate) tracker: &'a Tracker,
     /// Each target, and each member of a crowd that is there.
     pub(crate) tracked: &'a [Tracked],
+    /// How long tracking took, in seconds.
+    pub(crate) tracking_s: f64,
 }
 
 impl Instant<'_> {
@@ -194,6 +210,8 @@ pub(crate) struct Run {
     pub(crate) series: SeriesCollector,
     /// Why targets were not found.
     pub(crate) missed: MissedFrames,
+    /// How many estimates were sent where, in words.
+    pub(crate) sent: Vec<String>,
     /// The files that were written, the most important first.
     pub(crate) files: Vec<PathBuf>,
 }
@@ -246,34 +264,15 @@ pub(crate) fn run_steps(
     if let Output::Folder(folder) = &options.output {
         remove_old(folder);
     }
-    let mut annotator = match &options.output {
-        Output::Folder(folder) if options.annotate != Annotate::No => {
-            Some(Annotator::create(folder, &open.scene, options)?)
-        }
-        _ => None,
-    };
     let mut crossing_rows = CrossingRows::create(&options.output, &open.scene)?;
-    let mut candidate_rows = match &options.output {
-        Output::Folder(folder) if options.explain => {
-            Some(CandidateRows::create(folder, &open.scene)?)
-        }
-        _ => None,
-    };
-    let mut particle_rows = match &options.particles {
-        Some(path) => Some(ParticleRows::create(path, &open.scene)?),
-        None => None,
-    };
-    let mut recorder = match &options.mcap {
-        Some(path) => Some(Recorder::create(path, &open.scene)?),
-        None => None,
-    };
+    let mut extras = Extras::create(scene_path, &open, options)?;
     let mut series = SeriesCollector::new(&open.scene);
     let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
     let mut missed = MissedFrames::of(&open.scene.targets);
     let pool = options.threads.start()?;
     let mut sinks = Sinks {
         needed: vec![&mut rows, &mut series, &mut missed],
-        others: Vec::new(),
+        others: extras.sinks(),
     };
     if let Some(smoothed) = &mut smoothed {
         sinks.needed.push(smoothed);
@@ -281,21 +280,9 @@ pub(crate) fn run_steps(
     if let Some(crossing_rows) = &mut crossing_rows {
         sinks.needed.push(crossing_rows);
     }
-    if let Some(candidate_rows) = &mut candidate_rows {
-        sinks.others.push(candidate_rows);
-    }
-    if let Some(annotator) = &mut annotator {
-        sinks.others.push(annotator);
-    }
-    if let Some(particle_rows) = &mut particle_rows {
-        sinks.others.push(particle_rows);
-    }
-    if let Some(recorder) = &mut recorder {
-        sinks.others.push(recorder);
-    }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
+    let (sent, extra_files, recorded) = extras.finish(options);
     let mut files = Vec::new();
-    let recorded = recorder.map_or(Ok(()), Recorder::finish);
     let finish = || -> Result<()> {
         let Output::Folder(folder) = &options.output else {
             return Ok(());
@@ -322,9 +309,7 @@ pub(crate) fn run_steps(
             files.extend(series.draw(folder, &open.scene, &[])?);
         }
         files.extend(crossing_rows.map(|rows| rows.path().to_owned()));
-        files.extend(candidate_rows.map(|rows| rows.path().to_owned()));
-        files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
-        files.extend(options.particles.iter().chain(&options.mcap).cloned());
+        files.extend(extra_files);
         if options.report {
             files.push(write_report(folder, scene_path, &open, &series)?);
         }
@@ -339,6 +324,7 @@ pub(crate) fn run_steps(
         outcome,
         series,
         missed,
+        sent,
         files,
     })
 }
@@ -424,6 +410,76 @@ fn remove_old(folder: &Path) {
     annotate::remove_old(folder);
 }
 
+/// What takes results only because it was asked for. A failure of one does not end the run.
+struct Extras {
+    candidate_rows: Option<CandidateRows>,
+    annotator: Option<Annotator>,
+    particle_rows: Option<ParticleRows>,
+    recorder: Option<Recorder>,
+    senders: Vec<Sender>,
+    watched: Option<WatchSink>,
+}
+
+impl Extras {
+    fn create(scene_path: &Path, open: &OpenScene, options: &Options) -> Result<Self> {
+        let scene = &open.scene;
+        let folder = match &options.output {
+            Output::Folder(folder) => Some(folder),
+            Output::Stdout => None,
+        };
+        let annotated = folder.filter(|_| options.annotate != Annotate::No);
+        let annotator = annotated.map(|folder| Annotator::create(folder, scene, options));
+        let explained = folder.filter(|_| options.explain);
+        let candidate_rows = explained.map(|folder| CandidateRows::create(folder, scene));
+        let particles = options.particles.as_ref();
+        let particle_rows = particles.map(|path| ParticleRows::create(path, scene));
+        let recorder = options
+            .mcap
+            .as_ref()
+            .map(|path| Recorder::create(path, scene));
+        let senders = options.send.iter().map(|to| Sender::start(to, scene));
+        let watch = options.watch.as_ref();
+        Ok(Self {
+            annotator: annotator.transpose()?,
+            candidate_rows: candidate_rows.transpose()?,
+            particle_rows: particle_rows.transpose()?,
+            recorder: recorder.transpose()?,
+            senders: senders.collect::<Result<_>>()?,
+            watched: watch.map(|watch| watch.sink(scene_path, scene, &open.tracker)),
+        })
+    }
+
+    fn sinks(&mut self) -> Vec<&mut dyn Sink> {
+        fn sink<S: Sink>(sink: &mut S) -> &mut dyn Sink {
+            sink
+        }
+        let sinks = [
+            self.candidate_rows.as_mut().map(sink),
+            self.annotator.as_mut().map(sink),
+            self.particle_rows.as_mut().map(sink),
+            self.recorder.as_mut().map(sink),
+            self.watched.as_mut().map(sink),
+        ];
+        let senders = self.senders.iter_mut().map(sink);
+        sinks.into_iter().flatten().chain(senders).collect()
+    }
+
+    /// Ends them. Returns what was sent, in words, the files, and whether the recording is complete.
+    fn finish(self, options: &Options) -> (Vec<String>, Vec<PathBuf>, Result<()>) {
+        let sent = self.senders.into_iter().map(Sender::finish).collect();
+        let candidates = self.candidate_rows.map(|rows| rows.path().to_owned());
+        let annotated = self
+            .annotator
+            .map(|annotator| annotator.folder().to_owned());
+        let files = candidates.into_iter().chain(annotated);
+        let files = files
+            .chain(options.particles.clone())
+            .chain(options.mcap.clone());
+        let recorded = self.recorder.map_or(Ok(()), Recorder::finish);
+        (sent, files.collect(), recorded)
+    }
+}
+
 /// Everything that takes the results of a run.
 struct Sinks<'a> {
     /// A failure of one of these ends the run.
@@ -474,9 +530,15 @@ fn track(
     let is_live = open.sources.iter().any(Source::is_live);
     let mut failures = Vec::new();
     let delay_s = open.scene.max_delay_s;
-    let mut frame_sets = FrameSets::new(&mut open.sources, names, delay_s, options.limit);
+    let mut frame_sets = FrameSets::new(
+        &mut open.sources,
+        names,
+        delay_s,
+        options.limit,
+        options.stop.clone(),
+    );
     let ended_by = loop {
-        if interrupt::requested() {
+        if options.stop.is_requested() {
             outcome.interrupted = true;
             // Nothing else ends most live sessions.
             if is_live && outcome.frame_sets > 0 {
@@ -490,7 +552,7 @@ fn track(
         let watch = Stopwatch::start();
         let Some(set) = frame_sets.next() else {
             // An interrupt also ends the wait for live cameras.
-            if interrupt::requested() {
+            if options.stop.is_requested() {
                 continue;
             }
             break None;
@@ -507,7 +569,8 @@ fn track(
             Err(error) => break Some(error),
         };
         outcome.frame_sets += 1;
-        outcome.tracking_s += watch.elapsed_s();
+        let tracking_s = watch.elapsed_s();
+        outcome.tracking_s += tracking_s;
 
         let watch = Stopwatch::start();
         let instant = Instant {
@@ -516,6 +579,7 @@ fn track(
             frames: &set.frames,
             tracker: &open.tracker,
             tracked: &tracked,
+            tracking_s,
         };
         let failed_before = failures.len();
         if let Err(error) = sinks.take(&instant, &mut failures) {

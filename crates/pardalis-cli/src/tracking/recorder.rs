@@ -27,7 +27,7 @@ use pardalis_scene::{BodyConfig, CameraConfig, Scene, TargetConfig};
 use serde_json::json;
 
 use super::series::Key;
-use super::{Instant, Sink, Tracked, annotate};
+use super::{Instant, Sink, Tracked, marks};
 use crate::draw::picture::{jpeg_of, picture_of};
 use crate::files::{refuse_foreign, unwritable};
 use crate::output::Shown;
@@ -470,9 +470,9 @@ fn outline_px(body: &BodyConfig, now: &Estimate, view: &View) -> Vec<[f64; 2]> {
     let points_px = body.shape.outline_px(
         view.camera(),
         view.camera_from_world(),
-        annotate::in_rows_m(known, known.position_m, body, view),
-        annotate::stance_of(body, now),
-        annotate::CONTOUR_POINTS,
+        marks::in_rows_m(known, known.position_m, body, view),
+        marks::stance_of(body, now),
+        marks::CONTOUR_POINTS,
     );
     points_px.into_iter().flatten().collect()
 }
@@ -493,7 +493,7 @@ fn quaternion(rotation: &UnitQuaternion<f64>) -> Quaternion {
 
 /// The colour of a target, or of a member of a crowd, as in annotated frames.
 fn color_of(key: Key, a: f64) -> Color {
-    let [r, g, b] = annotate::color_of(key).map(|byte| f64::from(byte) / 255.0);
+    let [r, g, b] = marks::color_of(key).map(|byte| f64::from(byte) / 255.0);
     Color { r, g, b, a }
 }
 

@@ -36,8 +36,11 @@ mod plane;
 mod rectify;
 mod report;
 mod rig;
+mod send;
 mod simulate;
 mod smooth;
 mod track;
 mod track_plane;
 mod turning;
+#[cfg(feature = "studio")]
+mod watch;

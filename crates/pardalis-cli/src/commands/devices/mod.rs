@@ -56,6 +56,16 @@ pub(crate) fn run(_: &Arguments) -> Result<()> {
     Ok(())
 }
 
+/// Returns the place and the name of each camera of this computer that can be opened; none on other systems than Linux.
+#[cfg(feature = "studio")]
+pub(crate) fn listed() -> Vec<(String, String)> {
+    let nodes = nodes(Path::new("/dev"), Path::new("/sys")).into_iter();
+    let usable = nodes.filter(|node| node.trouble.is_none());
+    usable
+        .map(|node| (node.path.to_string_lossy().into_owned(), node.name))
+        .collect()
+}
+
 /// Describes the cameras below these roots of `/dev` and `/sys`, each as comments and a table of a scene. `messages_about`
 /// returns what ffmpeg says about a device; empty without ffmpeg.
 ///

@@ -2,7 +2,7 @@
 
 mod mcap;
 pub(crate) mod sequence;
-mod text;
+pub(crate) mod text;
 
 use std::fs;
 use std::path::{Component, Path, PathBuf};
@@ -87,6 +87,24 @@ const LIKELY_RADIUS_M: std::ops::RangeInclusive<f64> = 0.002..=2.0;
 const WIDEST_PINHOLE_DEG: f64 = 120.0;
 
 impl Arguments {
+    /// Returns the arguments for an input and a scene file, and otherwise the defaults.
+    #[cfg(feature = "studio")]
+    pub(crate) fn of(input: PathBuf, output: PathBuf, fps: Option<f64>) -> Self {
+        Self {
+            input,
+            output,
+            camera: None,
+            fov_deg: None,
+            lens: None,
+            fps,
+            colors: None,
+            target: String::new(),
+            radius_m: None,
+            pixel: None,
+            force: false,
+        }
+    }
+
     /// Returns warnings of values that are possible but probably mistaken.
     fn unlikely(&self) -> Vec<String> {
         let mut warnings = Vec::new();
@@ -111,7 +129,7 @@ impl Arguments {
 /// Camera models that `--camera` accepts by name.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 #[value(rename_all = "snake_case")]
-enum Model {
+pub(crate) enum Model {
     Equidistant,
     Pinhole,
     Unified,
@@ -123,8 +141,59 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let output = &arguments.output;
     let default_colors = || PathBuf::from(format!("{}.colors.toml", arguments.target));
     let colors = arguments.colors.clone().unwrap_or_else(default_colors);
-    let mut cameras = Vec::new();
     let is_single = is_single_image(&arguments.input);
+    let (cameras, radius_m) = cameras(arguments)?;
+    let scene = SceneText {
+        cameras,
+        target: &arguments.target,
+        colors: shown_path(&colors, output),
+        radius_m,
+        pixel: arguments.pixel,
+    };
+    scene.check_pixel()?;
+    // After the input, which no other name of the scene mends.
+    if output.exists() && !arguments.force {
+        return Err(user_error!(
+            "{}: already exists; choose another file with -o, or replace it with --force",
+            output.shown()
+        ));
+    }
+    let text = scene.text();
+    let folder = output.parent().unwrap_or(Path::new(""));
+    let checked = Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens));
+    if let Err(problems) = checked {
+        let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        return Err(user_error!(
+            "the scene would not be valid: {}",
+            problems.join("; ")
+        ));
+    }
+    write_file(output, text.as_bytes())?;
+    arguments.unlikely().into_iter().for_each(warn);
+    print(output.shown());
+    let to_change = text::guesses(&text).len();
+    if to_change > 0 {
+        print(format!(
+            "  replace the guesses in the lines marked CHANGE ({to_change})"
+        ));
+    }
+    print("next:");
+    if !colors.exists() {
+        print(format!(
+            "  pardalis learn … -o {}    (how: pardalis learn --help)",
+            shell_word(&colors)
+        ));
+    }
+    print(format!("  pardalis check {}", shell_word(output)));
+    let command = if is_single { "locate" } else { "track" };
+    print(format!("  pardalis {command} {}", shell_word(output)));
+    Ok(())
+}
+
+/// Returns the tables of the cameras of the input, and the radius of the ball in metres if it is known.
+pub(crate) fn cameras(arguments: &Arguments) -> Result<(Vec<CameraText>, Option<f64>)> {
+    let output = &arguments.output;
+    let mut cameras = Vec::new();
     let mut radius_m = arguments.radius_m;
     match known_cameras(arguments)? {
         _ if media_kind(&arguments.input) == Some("recording") => {
@@ -173,61 +242,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             cameras.push(CameraText::guessed(model, &fov, &opened, &shown, fps));
         }
     }
-    let scene = SceneText {
-        cameras,
-        target: &arguments.target,
-        colors: shown_path(&colors, output),
-        radius_m,
-        pixel: arguments.pixel,
-    };
-    scene.check_pixel()?;
-    // After the input, which no other name of the scene mends.
-    if output.exists() && !arguments.force {
-        return Err(user_error!(
-            "{}: already exists; choose another file with -o, or replace it with --force",
-            output.shown()
-        ));
-    }
-    let text = scene.text();
-    let folder = output.parent().unwrap_or(Path::new(""));
-    let checked = Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens));
-    if let Err(problems) = checked {
-        let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
-        return Err(user_error!(
-            "the scene would not be valid: {}",
-            problems.join("; ")
-        ));
-    }
-    write_file(output, text.as_bytes())?;
-    arguments.unlikely().into_iter().for_each(warn);
-    print(output.shown());
-    let to_change = text::guesses(&text).len();
-    if to_change > 0 {
-        print(format!(
-            "  replace the guesses in the lines marked CHANGE ({to_change})"
-        ));
-    }
-    print("next:");
-    if !colors.exists() {
-        print(format!(
-            "  pardalis learn … -o {}    (how: pardalis learn --help)",
-            shell_word(&colors)
-        ));
-    }
-    print(format!("  pardalis check {}", shell_word(output)));
-    let command = if is_single { "locate" } else { "track" };
-    print(format!("  pardalis {command} {}", shell_word(output)));
-    Ok(())
+    Ok((cameras, radius_m))
 }
 
 /// Properties of a frame source.
-pub(super) struct Opened {
-    size: (usize, usize),
-    input: Input,
+pub(crate) struct Opened {
+    pub(crate) size: (usize, usize),
+    pub(crate) input: Input,
 }
 
 /// Where frames come from.
-enum Input {
+pub(crate) enum Input {
     Video,
     SingleImage,
     /// A folder of images, with or without their times.
@@ -312,7 +337,7 @@ enum KnownCameras {
 }
 
 /// The angle of view of a pinhole camera across the longer side of its images, in degrees.
-enum Fov {
+pub(crate) enum Fov {
     /// Given on the command line.
     Given(f64),
     /// From the EXIF data of the image of this name.
@@ -409,7 +434,11 @@ fn file_name(path: &Path) -> String {
 }
 
 /// Errors: the calibration is for images of another size.
-fn check_size(file: &Path, camera: &CalibratedCamera, found: (usize, usize)) -> Result<()> {
+pub(crate) fn check_size(
+    file: &Path,
+    camera: &CalibratedCamera,
+    found: (usize, usize),
+) -> Result<()> {
     match camera.size_px {
         Some(stated) if stated != found => Err(user_error!(
             "{}: camera {}: the calibration is for {} x {} pixels, the images are {} x {}",

@@ -12,7 +12,7 @@ use crate::focal_length::{TYPICAL_FOV_DEG, focal_length_px, middle_px};
 use crate::user_error::user_error;
 
 /// Frame rate if it is unknown, in frames per second.
-pub(super) const GUESSED_FPS: f64 = 25.0;
+pub(crate) const GUESSED_FPS: f64 = 25.0;
 /// Radius of the ball if it is unknown, in metres: that of a size 5 football.
 const GUESSED_RADIUS_M: f64 = 0.11;
 
@@ -26,8 +26,8 @@ pub(super) struct SceneText<'a> {
 }
 
 /// The section of one camera.
-pub(super) struct CameraText {
-    name: String,
+pub(crate) struct CameraText {
+    pub(crate) name: String,
     size: (usize, usize),
     /// The lines about frames and times.
     input: String,
@@ -44,16 +44,16 @@ enum Model {
 }
 
 /// A calibration file as the scene refers to it.
-pub(super) struct Calibration {
-    pub(super) file: String,
+pub(crate) struct Calibration {
+    pub(crate) file: String,
     /// Its name there, if that may differ.
-    pub(super) camera: Option<String>,
-    pub(super) lens: Option<Lens>,
+    pub(crate) camera: Option<String>,
+    pub(crate) lens: Option<Lens>,
 }
 
 impl CameraText {
     /// Describes a camera of a calibration file. Its pose is guessed if the file has none.
-    pub(super) fn known(
+    pub(crate) fn known(
         camera: &CalibratedCamera,
         calibration: Calibration,
         opened: &Opened,
@@ -75,7 +75,7 @@ impl CameraText {
     }
 
     /// Describes a camera of which only the model's name is known, and perhaps the angle of a pinhole camera.
-    pub(super) fn guessed(
+    pub(crate) fn guessed(
         model: ModelName,
         fov: &Fov,
         opened: &Opened,
@@ -152,11 +152,11 @@ impl CameraText {
     }
 
     /// Gives the camera another name.
-    pub(super) fn named(self, name: String) -> Self {
+    pub(crate) fn named(self, name: String) -> Self {
         Self { name, ..self }
     }
 
-    fn text(&self, text: &mut String) {
+    pub(crate) fn text(&self, text: &mut String) {
         let Self {
             name,
             size: (width, height),
@@ -257,17 +257,45 @@ fn input_lines(opened: &Opened, path: &str, fps: Option<f64>) -> String {
     format!("images = {path}\n{times}")
 }
 
+/// Returns the table of a ball.
+pub(crate) fn target_text(name: &str, radius_m: Option<f64>, colors: &str) -> String {
+    let (radius_m, radius_mark) = match radius_m {
+        Some(radius_m) => (radius_m, ""),
+        None => (GUESSED_RADIUS_M, "  # CHANGE: the ball's radius"),
+    };
+    let colors = toml::Value::String(colors.to_owned());
+    format!(
+        "[targets.{name}]\n\
+         shape.sphere.radius_m = {radius_m:?}{radius_mark}\n\
+         colors = {colors}  # made by `pardalis learn`\n"
+    )
+}
+
+/// The beginning of a scene.
+pub(crate) const HEAD: &str = "# A scene for `pardalis track`: cameras and targets.\n\
+    # Paths are relative to this file. Lengths are in metres, times in seconds, image distances in pixels.\n\n\
+    seed = 1  # the same seed gives the same results for any number of threads\n";
+
+/// Said of the list of guesses.
+pub(crate) const ABOUT_GUESSES: &str = "# Guesses, of which `pardalis track` warns. Replace each in its line marked CHANGE, and remove it here.\n";
+
 /// The mark of a line with a guess.
 const MARK: &str = "# CHANGE";
 
 /// Returns the full keys of the guesses in the tables of a scene, which are the lines with the mark.
-pub(super) fn guesses(text: &str) -> Vec<String> {
+pub(crate) fn guesses(text: &str) -> Vec<String> {
     let mut table = "";
     let mut keys = Vec::new();
     for line in text.lines() {
-        if let Some(header) = line.strip_prefix('[') {
-            table = header.trim_end_matches(']');
-        } else if let (true, Some((key, _))) = (line.contains(MARK), line.split_once(" = ")) {
+        let header = line
+            .strip_prefix('[')
+            .and_then(|rest| rest.split(']').next());
+        // A row of a list has commas.
+        if let Some(header) = header.filter(|header| !header.contains(',')) {
+            table = header;
+        } else if let (true, Some((key, _))) = (line.contains(MARK), line.split_once(" = "))
+            && !line.starts_with('#')
+        {
             keys.push(format!("{table}.{key}"));
         }
     }
@@ -277,17 +305,12 @@ pub(super) fn guesses(text: &str) -> Vec<String> {
 impl SceneText<'_> {
     /// Formats the text of the scene file.
     pub(super) fn text(&self) -> String {
-        let mut text = String::from(
-            "# A scene for `pardalis track`: cameras and targets.\n\
-             # Paths are relative to this file. Lengths are in metres, times in seconds, image distances in pixels.\n\n\
-             seed = 1  # the same seed gives the same results for any number of threads\n",
-        );
+        let mut text = HEAD.to_owned();
         let settings = self.settings();
         let guesses = guesses(&settings);
         if !guesses.is_empty() {
-            text.push_str(
-                "# Guesses, of which `pardalis track` warns. Replace each in its line marked CHANGE, and remove it here.\nguessed = [\n",
-            );
+            text.push_str(ABOUT_GUESSES);
+            text.push_str("guessed = [\n");
             for key in guesses {
                 let _ = writeln!(text, "    \"{key}\",");
             }
@@ -302,18 +325,7 @@ impl SceneText<'_> {
         for camera in &self.cameras {
             camera.text(&mut text);
         }
-        let target = self.target;
-        let (radius_m, radius_mark) = match self.radius_m {
-            Some(radius_m) => (radius_m, ""),
-            None => (GUESSED_RADIUS_M, "  # CHANGE: the ball's radius"),
-        };
-        let colors = toml::Value::String(self.colors.clone());
-        let _ = writeln!(
-            text,
-            "[targets.{target}]\n\
-             shape.sphere.radius_m = {radius_m:?}{radius_mark}\n\
-             colors = {colors}  # made by `pardalis learn`"
-        );
+        text.push_str(&target_text(self.target, self.radius_m, &self.colors));
         match self.pixel {
             Some(pixel) => self.push_click(&mut text, pixel),
             None => text.push_str(

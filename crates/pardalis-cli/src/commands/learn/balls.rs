@@ -97,7 +97,7 @@ fn parts(is_target: &[bool], width: usize) -> Vec<Vec<(usize, usize)>> {
 
 /// Returns the circle of the pixels' area if they are round: nearly all lie within the ellipse that has their area and
 /// second moments.
-fn circle_of(part: &[(usize, usize)]) -> Option<Circle> {
+pub(super) fn circle_of(part: &[(usize, usize)]) -> Option<Circle> {
     let area = part.len() as f64;
     let mean = |value: &dyn Fn(f64, f64) -> f64| {
         let sum: f64 = part.iter().map(|&(x, y)| value(x as f64, y as f64)).sum();

@@ -7,11 +7,9 @@ use pardalis::shape::Stance;
 use pardalis::tracker::DetectedSettings;
 use pardalis::view::View;
 use pardalis::{Frame, FrameSet, Tracker};
-use pardalis_camera::{Pinhole, Pose};
 
 use super::balls::{Circle, labelled_balls};
 use super::inputs::LabelledFile;
-use crate::focal_length::{TYPICAL_FOV_DEG, focal_length_px, middle_px};
 
 /// The radius of the ball, metres. Any would do: with one camera it only scales the distance.
 const RADIUS_M: f64 = 0.1;
@@ -61,7 +59,7 @@ pub(super) struct Found {
 }
 
 impl Check {
-    /// Runs the detector on each image as `track` runs it on a first frame, with a typical pinhole camera. `learner`
+    /// Runs the detector on each image as `track` runs it on a first frame. `learner`
     /// has the palette of the model.
     ///
     /// Errors: an image cannot be read.
@@ -77,11 +75,12 @@ impl Check {
             if labels.is_empty() {
                 return Ok(ImageCheck::NoBall);
             }
-            let found = detect(&frame, model, LearntEdge::Used)?;
+            let found = detect(&frame, model, LearntEdge::Used, file.view(&frame, None)?)?;
             if let Some(Found { circle, .. }) = &found {
                 labels.sort_by(|a, b| a.radii_to(circle).total_cmp(&b.radii_to(circle)));
             }
-            let outline = detect(&frame, model, LearntEdge::Ignored)?.map(|found| found.circle);
+            let outline = detect(&frame, model, LearntEdge::Ignored, file.view(&frame, None)?)?
+                .map(|found| found.circle);
             Ok(ImageCheck::Ball {
                 outline: outline.filter(|outline| labels[0].radii_to(outline) <= 1.0),
                 labels,
@@ -198,7 +197,7 @@ fn shift_of(offset: f64) -> Option<f64> {
 
 /// Whether the detector uses the edge profile of the model, or a general soft edge.
 #[derive(Clone, Copy, PartialEq)]
-enum LearntEdge {
+pub(super) enum LearntEdge {
     Used,
     Ignored,
 }
@@ -206,17 +205,19 @@ enum LearntEdge {
 /// By how much outlines may deviate from those of the guessed camera, pixels: a fisheye lens changes a ball far off its axis by a tenth.
 const TOLERANCE_PX: f32 = 1.5;
 
-/// Detects a ball as in the first frame of a track, with default settings except that the camera is a guess.
-fn detect(frame: &Frame, model: &ColorModel, edge: LearntEdge) -> Result<Option<Found>> {
-    let size = (frame.width(), frame.height());
-    let focal_px = focal_length_px(size, TYPICAL_FOV_DEG);
-    let lens = Pinhole::new([focal_px; 2], middle_px(size), &[])?;
+/// Detects a ball in a view as in the first frame of a track, with default settings except that the camera may be a guess.
+pub(super) fn detect(
+    frame: &Frame,
+    model: &ColorModel,
+    edge: LearntEdge,
+    view: View,
+) -> Result<Option<Found>> {
     let mut ball = DetectedSettings::ball(RADIUS_M, model.clone())?;
     ball.edge.learned_profile = edge == LearntEdge::Used;
     ball.tuning.edge.judged_tolerance_px = TOLERANCE_PX;
     let shape = ball.shape;
     let mut setup = Tracker::builder();
-    let camera = setup.camera(View::new(lens, Pose::identity(), size, None)?);
+    let camera = setup.camera(view);
     let target = setup.target(ball);
     let mut tracker = setup.build()?;
     tracker.observe(&FrameSet::of(camera, frame.clone()))?;

@@ -6,10 +6,12 @@ use std::{fmt, fs};
 use anyhow::Result;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command};
-use pardalis::Frame;
+use pardalis::{Frame, View};
+use pardalis_camera::{Camera, Mask, Pinhole, Pose};
 use pardalis_scene::{FrameRange, VideoInput};
 
 use super::label::Label;
+use crate::focal_length::{TYPICAL_FOV_DEG, focal_length_px, middle_px};
 use crate::output::{Shown, in_line};
 use crate::shell_word::shell_word;
 use crate::source::decode::decode_image;
@@ -39,6 +41,8 @@ pub(super) struct LabelledFile {
     frame: Option<VideoFrame>,
     /// The target is the union of the labels.
     pub(super) labels: Vec<Label>,
+    /// The lens of the camera, if it is known.
+    lens: Option<Camera>,
 }
 
 /// A frame of a video, with its number from 0. Cloning shares the pixels.
@@ -94,6 +98,22 @@ impl fmt::Display for LabelledFile {
 }
 
 impl LabelledFile {
+    /// Labels a frame of a video or a camera, with its number.
+    #[cfg(feature = "studio")]
+    pub(super) fn of_frame(
+        path: PathBuf,
+        (number, frame): (usize, Frame),
+        lens: Option<Camera>,
+        label: Label,
+    ) -> Self {
+        Self {
+            lens,
+            path,
+            frame: Some(VideoFrame { number, frame }),
+            labels: vec![label],
+        }
+    }
+
     /// Returns the name of the image file, or of the video with the number of the frame: with as many folders before it as tell it from
     /// these others.
     pub(super) fn name_among(&self, files: &[Self]) -> String {
@@ -107,6 +127,17 @@ impl LabelledFile {
             Some(VideoFrame { number, .. }) => format!("{name} {number}"),
             None => name,
         }
+    }
+
+    /// Returns the view of the camera of a frame with the identity as pose; that of a typical pinhole camera if its lens is not known.
+    pub(super) fn view(&self, frame: &Frame, mask: Option<Mask>) -> Result<View> {
+        let size = (frame.width(), frame.height());
+        let focal_px = focal_length_px(size, TYPICAL_FOV_DEG);
+        let lens = match &self.lens {
+            Some(lens) => lens.clone(),
+            None => Pinhole::new([focal_px; 2], middle_px(size), &[])?.into(),
+        };
+        Ok(View::new(lens, Pose::identity(), size, mask)?)
     }
 
     /// Reads the image, and whether each pixel, row by row, shows the target.
@@ -220,6 +251,7 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
                 path: image,
                 frame: None,
                 labels: vec![Label::Mask(mask)],
+                lens: None,
             });
         } else {
             inputs.without_mask.push(in_line(&name_of(&image)));
@@ -327,6 +359,7 @@ impl Listed {
                 path: image.path.to_owned(),
                 frame,
                 labels: image.labels,
+                lens: None,
             })
         });
         Ok(Inputs {
@@ -472,6 +505,7 @@ mod tests {
             path: path.into(),
             frame: None,
             labels: Vec::new(),
+            lens: None,
         };
         // Twice, as in two labels of one image.
         let files: Vec<_> = paths

@@ -3,12 +3,16 @@
 mod balls;
 mod check;
 mod evidence;
+#[cfg(feature = "studio")]
+mod grown;
 mod inputs;
 mod label;
 mod palette;
 mod pictures;
 mod remedy;
 mod report;
+#[cfg(feature = "studio")]
+pub(crate) mod samples;
 
 use std::path::{Path, PathBuf};
 

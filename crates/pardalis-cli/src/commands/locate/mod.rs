@@ -12,6 +12,7 @@ use pardalis::{Estimate, TargetId, Tracker};
 use pardalis_scene::{FrameRange, Scene, TargetConfig};
 
 use crate::arguments::Threads;
+use crate::interrupt::Stop;
 use crate::numbers::fixed;
 use crate::output::{Shown, print};
 use crate::scene;
@@ -143,12 +144,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         explain: false,
         particles: None,
         mcap: None,
+        send: Vec::new(),
         smooth: false,
         plots: false,
         report: false,
         progress: true,
         previous: Previous::Keep,
         limit: Limit::default(),
+        stop: Stop::default(),
+        watch: None,
     };
     let settings = Settings {
         stills: arguments.images.clone(),

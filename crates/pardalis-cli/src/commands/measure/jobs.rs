@@ -12,7 +12,7 @@ use pardalis_scene::experiment::{Method, Run};
 use super::finished::Finished;
 use crate::arguments::Threads;
 use crate::commands::locate;
-use crate::interrupt;
+use crate::interrupt::{self, Stop};
 use crate::tracking::{self, Annotate, Limit, Options, Output, Previous};
 
 /// One seed of a run to be tracked.
@@ -40,12 +40,15 @@ impl Job<'_> {
             explain: false,
             particles: None,
             mcap: None,
+            send: Vec::new(),
             smooth: self.run.method == Method::Smooth,
             plots: false,
             report: false,
             progress: false,
             previous: Previous::Replace,
             limit: Limit::default(),
+            stop: Stop::default(),
+            watch: None,
         };
         let scene = self.scene.clone();
         let outcome = match self.located_from {

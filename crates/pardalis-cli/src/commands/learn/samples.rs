@@ -1,0 +1,261 @@
+//! Learning from frames in memory in which somebody points at the target.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use pardalis::Frame;
+use pardalis::color::{ColorModel, Palette};
+use pardalis_camera::{Camera, Mask};
+use pardalis_images::RgbImage;
+
+use super::balls::Circle;
+use super::check::{Check, LearntEdge, detect};
+use super::evidence::Evidence;
+use super::grown::round_region;
+use super::inputs::LabelledFile;
+use super::label::Label;
+use crate::draw::picture::picture_of;
+use crate::user_error::user_error;
+
+/// Around what was pointed at, an outline is looked for within this many radii.
+const SEARCHED_RADII: f64 = 2.0;
+/// The radius of what fills a box, as a share of half its sides. Hand-set: boxes are hardly drawn more roughly.
+const FILLED: std::ops::RangeInclusive<f64> = 0.6..=1.15;
+/// Corners of the outline of a circle.
+const CORNERS: usize = 48;
+/// Of 3 x 3 pixels, a majority.
+const MAJORITY: u8 = 5;
+/// The colour of pixels in the colours of the target.
+const MARKED: [u8; 3] = [255, 0, 200];
+
+/// What was pointed at in an image; pixel centres at integers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Pointed {
+    /// A pixel on the target.
+    At([f64; 2]),
+    /// Two opposite corners of a box around the target.
+    Within([f64; 2], [f64; 2]),
+}
+
+/// A frame in which the target is labelled.
+#[derive(Debug, Clone)]
+pub(crate) struct Sample {
+    /// The camera.
+    pub(crate) camera: String,
+    /// Its lens, if it is known.
+    pub(crate) lens: Option<Camera>,
+    /// The number of the frame.
+    pub(crate) number: usize,
+    pub(crate) frame: Frame,
+    /// The corners of the target's outline, pixel centres at integers.
+    pub(crate) outline_px: Vec<[f64; 2]>,
+}
+
+/// What was learnt.
+pub(crate) struct Learnt {
+    pub(crate) model: ColorModel,
+    evidence: Evidence,
+    /// The share of the target's pixels whose colours are found, and that of other pixels that are mistaken for it.
+    pub(crate) found: f64,
+    pub(crate) mistaken: f64,
+    /// The frames, by their place among the samples, in which the detector does not find what is labelled.
+    pub(crate) failed: Vec<usize>,
+}
+
+/// Returns the outline of a ball that was pointed at, as a camera with this lens shows it; without a lens, as a typical one does. The image decides: what is
+/// pointed at need not be exact.
+///
+/// Errors: there is nothing round.
+pub(crate) fn outline_of(
+    frame: &Frame,
+    lens: Option<Camera>,
+    pointed: Pointed,
+) -> Result<Vec<[f64; 2]>> {
+    let (label, around) = match pointed {
+        Pointed::At(at) => {
+            let circle = round_region(frame, at).ok_or_else(|| {
+                user_error!(
+                    "there is nothing round of one colour at this place; drag a box around the whole target instead"
+                )
+            })?;
+            (Label::Polygon(corners_of(&circle, frame)), circle)
+        }
+        Pointed::Within(a, b) => {
+            let center_px = [0, 1].map(|axis| 0.5 * (a[axis] + b[axis]));
+            let radius_px = 0.25 * ((a[0] - b[0]).abs() + (a[1] - b[1]).abs());
+            let boxed_circle = Circle {
+                center_px,
+                radius_px,
+            };
+            let fills_it = |circle: &Circle| {
+                let is_inside = boxed_circle.radii_to(circle) < 0.5;
+                is_inside && FILLED.contains(&(circle.radius_px / radius_px))
+            };
+            // Boxes are drawn roughly, and what is beside the target in them is not to be learnt.
+            match round_region(frame, center_px).filter(fills_it) {
+                Some(circle) => (Label::Polygon(corners_of(&circle, frame)), circle),
+                None => (boxed(frame, a, b)?, boxed_circle),
+            }
+        }
+    };
+    let image = PathBuf::from("image");
+    let file = LabelledFile::of_frame(image, (0, frame.clone()), lens, label);
+    let view = file.view(frame, Some(near(frame, &around)?))?;
+    let learnt = learn(&[file])?;
+    let found = detect(frame, &learnt.model, LearntEdge::Ignored, view)?;
+    match found {
+        Some(found) if around.radii_to(&found.circle) < 1.0 => Ok(found.outline_px),
+        // Its colours have been found, but not its edge, as of something small.
+        _ => Ok(corners_of(&around, frame)),
+    }
+}
+
+/// Learns the colours of the target from samples.
+///
+/// Errors: there are none.
+pub(crate) fn learn_samples(samples: &[Sample]) -> Result<Learnt> {
+    let files: Vec<LabelledFile> = samples
+        .iter()
+        .map(|sample| {
+            let label = Label::Polygon(sample.outline_px.clone());
+            let name = PathBuf::from(&sample.camera);
+            let frame = (sample.number, sample.frame.clone());
+            LabelledFile::of_frame(name, frame, sample.lens.clone(), label)
+        })
+        .collect();
+    learn(&files)
+}
+
+fn learn(files: &[LabelledFile]) -> Result<Learnt> {
+    let evidence = Evidence::gather(files, Palette::HSI)?;
+    let model = evidence.model()?;
+    let check = Check::run(files, &mut evidence.learner(), &model)?;
+    let failed = check.images.iter().enumerate();
+    Ok(Learnt {
+        found: evidence.separation.object_found,
+        mistaken: evidence.separation.background_mistaken,
+        failed: failed
+            .filter_map(|(number, image)| image.failed().then_some(number))
+            .collect(),
+        model,
+        evidence,
+    })
+}
+
+impl Learnt {
+    /// Returns a frame in grey, with what is in the target's colours marked, and which share of it that is. As the detector does, it ignores single pixels.
+    pub(crate) fn marked(&self, frame: &Frame) -> (RgbImage, f64) {
+        let log_odds = &self.evidence.separation.log_odds;
+        let bins = self.evidence.learner().bins_of(frame);
+        let is_in = |bin: &u16| u8::from(log_odds[usize::from(*bin)] > 0.0);
+        let is_in: Vec<u8> = bins.iter().map(is_in).collect();
+        let (width, height) = (frame.width(), frame.height());
+        let mut picture = picture_of(frame);
+        let mut count = 0;
+        for (index, pixel) in picture.pixels_mut().enumerate() {
+            let grey = (pixel.iter().map(|c| u16::from(*c)).sum::<u16>() / 3) as u8;
+            *pixel = [grey / 2 + 20; 3];
+            let (x, y) = (index % width, index / width);
+            let rows = y.saturating_sub(1)..(y + 2).min(height);
+            let columns = x.saturating_sub(1)..(x + 2).min(width);
+            let around = rows.flat_map(|row| &is_in[row * width..][columns.clone()]);
+            if around.sum::<u8>() >= MAJORITY {
+                *pixel = MARKED;
+                count += 1;
+            }
+        }
+        (picture, f64::from(count) / (width * height) as f64)
+    }
+}
+
+/// Returns the part of an image around a circle.
+fn near(frame: &Frame, circle: &Circle) -> Result<Mask> {
+    let (width, height) = (frame.width(), frame.height());
+    let searched = SEARCHED_RADII * circle.radius_px.max(4.0);
+    let grey: Vec<u8> = (0..width * height)
+        .map(|index| {
+            let [u, v] = circle.center_px;
+            let (x, y) = ((index % width) as f64 - u, (index / width) as f64 - v);
+            if libm::hypot(x, y) < searched { 255 } else { 0 }
+        })
+        .collect();
+    Ok(Mask::from_grey(width, height, &grey)?)
+}
+
+/// Returns the corners of a circle, as far as it lies in the image.
+fn corners_of(circle: &Circle, frame: &Frame) -> Vec<[f64; 2]> {
+    let sides = [frame.width(), frame.height()].map(|side| side as f64);
+    let corner = |number: usize| {
+        let angle = std::f64::consts::TAU * number as f64 / CORNERS as f64;
+        let (sin, cos) = libm::sincos(angle);
+        [(0, cos), (1, sin)].map(|(axis, direction)| {
+            let at: f64 = circle.center_px[axis] + circle.radius_px * direction;
+            at.clamp(0.0, sides[axis])
+        })
+    };
+    (0..CORNERS).map(corner).collect()
+}
+
+/// Returns a box as a label.
+fn boxed(frame: &Frame, a: [f64; 2], b: [f64; 2]) -> Result<Label> {
+    let sides = [frame.width(), frame.height()];
+    let first = [0, 1].map(|axis| a[axis].min(b[axis]).round().max(0.0) as usize);
+    let end =
+        [0, 1].map(|axis| (a[axis].max(b[axis]).round().max(0.0) as usize + 1).min(sides[axis]));
+    if (0..2).any(|axis| end[axis] < first[axis] + 3) {
+        return Err(user_error!(
+            "the box is too small, or beside the image; drag it around the whole target"
+        ));
+    }
+    Ok(Label::Rect {
+        x: first[0],
+        y: first[1],
+        width: end[0] - first[0],
+        height: end[1] - first[1],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use pardalis_camera::Equidistant;
+
+    use super::*;
+    use crate::source::decode::decode_image;
+
+    /// A bundled frame of a fisheye camera, its lens, and the outline of the ball in it as a circle.
+    fn frame() -> (Frame, Camera, Circle) {
+        let folder = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../data/dioptric-jump/frames/000000.jpg"
+        );
+        let image = decode_image(folder.as_ref()).unwrap();
+        let (width, height) = image.size_px();
+        let frame = Frame::from_rgb(width, height, image.into_raw(), 0.0).unwrap();
+        // From truth.csv and camera.json: 1.861 m away and 1.42 rad off the axis, where a fisheye lens shows a ball as an ellipse with half axes of
+        // 8.6 and 12.4 pixels.
+        let circle = Circle {
+            center_px: [459.9, 87.9],
+            radius_px: 10.3,
+        };
+        let lens = Equidistant::new(145.56, [319.5, 239.5], 92.5_f64.to_radians()).unwrap();
+        (frame, lens.into(), circle)
+    }
+
+    #[test]
+    fn a_click_or_a_rough_box_gives_the_outline() {
+        let (frame, lens, circle) = frame();
+        let [u, v] = circle.center_px;
+        let r = circle.radius_px;
+        for pointed in [
+            Pointed::At([u, v]),
+            Pointed::At([u + 0.5 * r, v - 0.4 * r]),
+            Pointed::Within([u - 1.2 * r, v - 1.1 * r], [u + 1.1 * r, v + 1.2 * r]),
+        ] {
+            let outline = outline_of(&frame, Some(lens.clone()), pointed).unwrap();
+            let found = Circle::of_outline(&outline).unwrap();
+            assert!(circle.radii_to(&found) < 0.1, "{pointed:?}: {found:?}");
+            let size = found.radius_px / r;
+            assert!((0.93..1.07).contains(&size), "{pointed:?}: {found:?}");
+        }
+    }
+}

@@ -1,0 +1,267 @@
+//! What is said of a finished run: a summary, and warnings.
+
+use pardalis::TargetId;
+
+use crate::numbers::counted;
+use crate::output::Shown;
+use crate::platforms;
+use crate::shell_word::shell_word;
+use crate::tracking::agreement;
+use crate::tracking::radius::EstimatedRadius;
+use crate::tracking::{CameraRecord, CrowdCounts, Run};
+
+/// Fewer frames in which a camera does not see what others see say nothing. Hand-set: a second.
+const BLIND_FRAMES: usize = 25;
+/// A camera that sees a target in a smaller share of them is as good as blind to it. Hand-set.
+const BLIND_SHARE: f64 = 0.1;
+
+/// Returns the targets that have rows but were tracked in none, each with its number and name.
+pub(crate) fn never_found(run: &Run) -> impl Iterator<Item = (usize, &str)> {
+    let targets = run.open.scene.targets.iter().zip(run.series.states());
+    let never = targets
+        .enumerate()
+        .filter(|(_, (_, states))| states.tracking == 0 && states.rows() > 0);
+    never.map(|(number, (target, _))| (number, &*target.name))
+}
+
+/// Returns the estimated radii of a target.
+fn radii(run: &Run, number: usize) -> Vec<EstimatedRadius<'_>> {
+    // The number is that of a target of this tracker.
+    EstimatedRadius::of(&run.open.scene, &run.open.tracker, number).unwrap_or_default()
+}
+
+/// Returns what most often ruled out a target that was missing in some frames, and what to do next, one per line.
+fn reasons(run: &Run, number: usize) -> Vec<String> {
+    let name = &run.open.scene.targets[number].name;
+    let states = &run.series.states()[number];
+    let mut lines = (run.missed).lines(number, name, states.searching + states.lost);
+    if !lines.is_empty() {
+        let explained = run
+            .files
+            .iter()
+            .any(|file| file.ends_with("candidates.csv"));
+        lines.push(if explained {
+            "candidates.csv has all candidates; docs/not-found.md explains the verdicts".to_owned()
+        } else {
+            format!(
+                "next: run `pardalis track {} --explain --annotate`, look at the annotated frames, and read docs/not-found.md",
+                shell_word(&run.scene_path)
+            )
+        });
+    }
+    lines
+}
+
+/// Returns warnings about problems that may have impaired the results, one per line.
+pub(crate) fn warnings(run: &Run) -> String {
+    use std::fmt::Write as _;
+    let mut text = String::new();
+    let records = run.open.sources.iter().zip(&run.outcome.cameras);
+    for (camera, (source, record)) in run.open.scene.cameras.iter().zip(records) {
+        let counters = source.counters();
+        let name = &camera.name;
+        if counters.ffmpeg_errors > 0 {
+            let _ = writeln!(
+                text,
+                "warning: cameras.{name}: ffmpeg reported {} errors in {}; frames may be missing or damaged; play the video to check",
+                counters.ffmpeg_errors,
+                source.describe().input
+            );
+        }
+        if record.frames.dropped_late > 0 {
+            let _ = writeln!(
+                text,
+                "warning: cameras.{name}: {} of its frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is {} s",
+                record.frames.dropped_late, run.open.scene.max_delay_s
+            );
+        }
+        if 2 * record.frames.used < record.frames.delivered {
+            let _ = writeln!(
+                text,
+                "warning: cameras.{name}: only {} of its {} frames were used; the table shows why the others were not",
+                record.frames.used, record.frames.delivered
+            );
+        }
+    }
+    for number in 0..run.open.scene.targets.len() {
+        for radius in radii(run, number) {
+            if let Some(said_m) = radius.contradicted_m() {
+                let _ = writeln!(
+                    text,
+                    "warning: {}.shape.sphere.radius_m: the scene says {} mm, the cameras say {radius}; set radius_m = {:.4}, unless the cameras' calibration is wrong",
+                    radius.key,
+                    // Without the digits that conversion adds.
+                    (1e6 * said_m).round() / 1000.0,
+                    radius.estimate.radius_m
+                );
+            }
+        }
+    }
+    if let Some(warning) = agreement::warning(&run.open.scene, &run.open.tracker) {
+        let _ = writeln!(text, "{warning}");
+    }
+    for warning in platforms::warnings(&run.open.platforms, &run.open.tracker) {
+        let _ = writeln!(text, "{warning}");
+    }
+    for warning in blind_cameras(run) {
+        let _ = writeln!(text, "{warning}");
+    }
+    for (number, name) in never_found(run) {
+        let frames = run.outcome.frame_sets;
+        let _ = writeln!(
+            text,
+            "warning: targets.{name}: was not found in any of the {frames} frames"
+        );
+        let mut lines = reasons(run, number);
+        if lines.is_empty() {
+            lines.push("it is followed from its start and not searched for: check the start, or leave it out (docs/not-found.md)".to_owned());
+        }
+        for line in lines {
+            let _ = writeln!(text, "  {line}");
+        }
+    }
+    text
+}
+
+/// Returns a warning for each camera that hardly ever sees a target that other cameras show in its view.
+fn blind_cameras(run: &Run) -> Vec<String> {
+    let cameras = &run.open.scene.cameras;
+    let targets = run.open.scene.targets.iter().enumerate();
+    let of_target = |(number, target): (usize, &pardalis_scene::TargetConfig)| {
+        let contributions = run.open.tracker.contributions(TargetId::new(number));
+        let contributions = cameras.iter().zip(contributions.unwrap_or_default());
+        let blind = contributions.filter(|(_, camera)| {
+            let due = camera.visible_frames + camera.blind_frames;
+            camera.blind_frames >= BLIND_FRAMES
+                && (camera.visible_frames as f64) < BLIND_SHARE * due as f64
+        });
+        let warnings = blind.map(|(camera, contribution)| {
+            let (seen, blind) = (contribution.visible_frames, contribution.blind_frames);
+            format!(
+                "warning: cameras.{}: saw {} in {seen} of {} frames in which it had its place in view, as the other cameras show; if nothing hides it there, \
+                 learn its colours from images of this camera, too (the white balance of cameras differs), or check the camera's pose",
+                camera.name,
+                target.name,
+                seen + blind,
+            )
+        });
+        warnings.collect::<Vec<_>>()
+    };
+    if cameras.len() == 1 {
+        return Vec::new();
+    }
+    targets.flat_map(of_target).collect()
+}
+
+/// Returns a table of the frames of each camera, and in how many of them it saw each target; empty for a single camera
+/// without problems.
+fn camera_table(run: &Run) -> String {
+    use std::fmt::Write as _;
+    let records = &run.outcome.cameras;
+    let went_well = |record: &CameraRecord| record.frames.used == record.frames.delivered;
+    if records.len() == 1 && records.iter().all(went_well) {
+        return String::new();
+    }
+    let mut text = format!(
+        "{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16}",
+        "camera",
+        "frames",
+        "used",
+        "sorted in",
+        "dropped",
+        "frozen",
+        "repeated",
+        "broken",
+        "longest gap (s)"
+    );
+    let targets = &run.open.scene.targets;
+    let heads: Vec<String> = targets
+        .iter()
+        .map(|t| format!("  saw {}", t.name))
+        .collect();
+    for head in &heads {
+        text += head;
+    }
+    for (number, camera) in run.open.scene.cameras.iter().enumerate() {
+        let frames = &records[number].frames;
+        let _ = write!(
+            text,
+            "\n{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16.3}",
+            camera.name,
+            frames.delivered,
+            frames.used,
+            frames.sorted_in_late,
+            frames.dropped_late,
+            frames.frozen,
+            frames.repeated,
+            frames.broken,
+            frames.longest_gap_s
+        );
+        for (target, head) in heads.iter().enumerate() {
+            let contributions = run.open.tracker.contributions(TargetId::new(target));
+            let visible = contributions.map_or(0, |cameras| cameras[number].visible_frames);
+            let _ = write!(text, "{visible:>width$}", width = head.len());
+        }
+    }
+    text + "\n"
+}
+
+/// Returns a summary of the run as text.
+pub(crate) fn summary(run: &Run) -> String {
+    use std::fmt::Write as _;
+    let outcome = &run.outcome;
+    let frames = outcome.frame_sets;
+    let rate = frames as f64 / outcome.tracking_s.max(1e-9);
+    let count = counted(frames as u64, "frame");
+    let mut text = format!("tracked {count} ({rate:.0} per second of tracking time)\n");
+    if outcome.interrupted {
+        text += "ended by Ctrl-C\n";
+    }
+    let targets = run.open.scene.targets.iter().zip(run.series.states());
+    for (number, (target, states)) in targets.enumerate() {
+        let frames = counted(states.tracking as u64, "frame");
+        let (name, others) = (
+            &target.name,
+            [states.occluded, states.lost, states.searching],
+        );
+        let [occluded, lost, searching] = others;
+        let _ = if target.crowd.is_some() {
+            let CrowdCounts {
+                found,
+                most_at_once,
+            } = run.series.crowds()[number];
+            let is_full = target.crowd.is_some_and(|most| most_at_once >= most);
+            let limit = if is_full {
+                " (max_count: there may be more)"
+            } else {
+                ""
+            };
+            writeln!(
+                text,
+                "{name}: found {found}, at most {most_at_once} at once{limit}; {frames} with any of them tracked, {occluded} with all occluded, {lost} with all lost, {searching} with none"
+            )
+        } else {
+            writeln!(
+                text,
+                "{name}: {frames} tracked, {occluded} occluded, {lost} lost, {searching} searching"
+            )
+        };
+        for radius in radii(run, number) {
+            let _ = writeln!(text, "  {}: radius {radius}", radius.key);
+        }
+        // Warnings say why a target was never found.
+        if states.tracking > 0 {
+            for line in reasons(run, number) {
+                let _ = writeln!(text, "  {line}");
+            }
+        }
+    }
+    text += &camera_table(run);
+    for line in &run.sent {
+        let _ = writeln!(text, "{line}");
+    }
+    for file in &run.files {
+        let _ = writeln!(text, "  {}", file.shown());
+    }
+    text
+}

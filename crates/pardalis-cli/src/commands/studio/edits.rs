@@ -1,0 +1,254 @@
+//! Edits of the text of a scene that keep what people wrote in it.
+
+use anyhow::Result;
+use toml_edit::{Array, DocumentMut, Item, Table, Value};
+
+use crate::commands::init::text::{ABOUT_GUESSES, guesses};
+use crate::user_error::user_error;
+
+/// The keys of a camera's table that describe its lens.
+const LENS_KEYS: [&str; 5] = [
+    "calibration",
+    "calibration_camera",
+    "calibration_lens",
+    "size_px",
+    "model",
+];
+
+/// Parses the text of a scene.
+///
+/// Errors: its syntax is wrong.
+pub(super) fn parsed(text: &str) -> Result<DocumentMut> {
+    text.parse().map_err(|error| {
+        user_error!("the scene is no TOML, correct it in an editor first: {error}")
+    })
+}
+
+/// Returns the text with this table at its end.
+pub(super) fn with_table(text: &str, table: &str) -> Result<String> {
+    let mut all = text.trim_end().to_owned();
+    all.push_str("\n\n");
+    all.push_str(table.trim_end());
+    all.push('\n');
+    // It may have the name of another.
+    parsed(&all)?;
+    Ok(with_guesses(&all))
+}
+
+/// Returns the text without a camera or a target.
+pub(super) fn without(text: &str, kind: &str, name: &str) -> Result<String> {
+    let mut document = parsed(text)?;
+    let removed = document
+        .get_mut(kind)
+        .and_then(Item::as_table_like_mut)
+        .and_then(|tables| tables.remove(name));
+    if removed.is_none() {
+        return Err(user_error!("{kind}.{name}: is not in the scene"));
+    }
+    Ok(with_guesses(&document.to_string()))
+}
+
+/// Returns the text with a value under a path of keys. A mark that says that the value before was a guess is removed, and tables that are missing are
+/// added.
+pub(super) fn with_value(text: &str, path: &[&str], value: impl Into<Value>) -> Result<String> {
+    let mut document = parsed(text)?;
+    let (last, tables) = path
+        .split_last()
+        .ok_or_else(|| user_error!("no key is given"))?;
+    let mut table: &mut dyn toml_edit::TableLike = document.as_table_mut();
+    for (depth, key) in tables.iter().enumerate() {
+        let is_header = depth < 2;
+        let next = table.entry(key).or_insert_with(|| {
+            let mut new = Table::new();
+            new.set_dotted(!is_header);
+            Item::Table(new)
+        });
+        table = next
+            .as_table_like_mut()
+            .ok_or_else(|| user_error!("{}: is no table", path[..=depth].join(".")))?;
+    }
+    table.insert(last, Item::Value(value.into()));
+    Ok(with_guesses(&document.to_string()))
+}
+
+/// Returns the text with the lens of the camera in `camera`, the text of a table `[cameras.NAME]`, in place of that of the scene's camera of this
+/// name. Its pose takes the place of a guess.
+pub(super) fn with_lens(text: &str, name: &str, camera: &str) -> Result<String> {
+    let pose = format!("cameras.{name}.world_from_camera");
+    let is_guess = guesses(text).contains(&pose);
+    let mut document = parsed(text)?;
+    let mut other = parsed(camera)?;
+    let table_of = |document: &mut DocumentMut| {
+        let camera = document
+            .get_mut("cameras")
+            .and_then(|all| all.get_mut(name));
+        camera.and_then(Item::as_table_mut).map(std::mem::take)
+    };
+    let missing = || user_error!("cameras.{name}: has no table of its own in the scene");
+    let mut new = table_of(&mut other).ok_or_else(missing)?;
+    let slot = document
+        .get_mut("cameras")
+        .and_then(|all| all.get_mut(name));
+    let old = slot.and_then(Item::as_table_mut).ok_or_else(missing)?;
+    let has_pose = old.contains_key("world_from_camera");
+    let mut keys = LENS_KEYS.to_vec();
+    if is_guess || !has_pose {
+        keys.push("world_from_camera");
+    }
+    for key in keys {
+        let before = old.remove(key);
+        // Said of it in another table, which is not needed where it stands already.
+        let is_said = key == "world_from_camera" && before.is_some();
+        if let Some((own, mut item)) = new.remove_entry(key) {
+            if let Item::Table(table) = &mut item {
+                table.set_position(None);
+                table.iter_mut().for_each(|(_, item)| {
+                    if let Item::Table(table) = item {
+                        table.set_position(None);
+                    }
+                });
+            }
+            if is_said || item.is_value() {
+                old.insert_formatted(&own, item);
+            } else {
+                old.insert(key, item);
+            }
+        }
+    }
+    Ok(with_guesses(&document.to_string()))
+}
+
+/// Returns the text with the list of its guesses, which are the lines that are marked.
+fn with_guesses(text: &str) -> String {
+    let Ok(mut document) = text.parse::<DocumentMut>() else {
+        return text.to_owned();
+    };
+    let keys = guesses(text);
+    if keys.is_empty() {
+        document.remove("guessed");
+        return document.to_string();
+    }
+    let mut list = Array::new();
+    for key in keys {
+        let mut value = Value::from(key);
+        value.decor_mut().set_prefix("\n    ");
+        list.push_formatted(value);
+    }
+    list.set_trailing("\n");
+    list.set_trailing_comma(true);
+    let is_new = !document.contains_key("guessed");
+    document["guessed"] = toml_edit::value(list);
+    if let (true, Some(mut key)) = (is_new, document.key_mut("guessed")) {
+        key.leaf_decor_mut().set_prefix(ABOUT_GUESSES);
+    }
+    document.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCENE: &str = "# Mine.
+seed = 3  # lucky
+
+[cameras.left] # over the door
+video = \"a.mp4\"
+size_px = [640, 480]
+# The pose.
+world_from_camera = [  # CHANGE: a guess
+    [1.0, 0.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0, 0.0],
+    [0.0, 0.0, 1.0, 0.0],
+    [0.0, 0.0, 0.0, 1.0],
+]
+
+[cameras.left.model.pinhole]
+f_px = [500.0, 500.0]  # CHANGE: typical
+center_px = [319.5, 239.5]
+
+[targets.ball]
+shape.sphere.radius_m = 0.11  # CHANGE: the ball's radius
+colors = \"ball.colors.toml\"  # orange
+";
+
+    #[test]
+    fn values_are_replaced_and_their_marks_removed_and_all_else_kept() {
+        let path = ["targets", "ball", "shape", "sphere", "radius_m"];
+        let text = with_value(SCENE, &path, 0.05).unwrap();
+        assert!(text.contains("shape.sphere.radius_m = 0.05\n"), "{text}");
+        for kept in [
+            "# Mine.",
+            "# lucky",
+            "# over the door",
+            "# The pose.",
+            "# orange",
+        ] {
+            assert!(text.contains(kept), "{text}");
+        }
+        let listed = "guessed = [\n    \"cameras.left.world_from_camera\",\n    \"cameras.left.model.pinhole.f_px\",\n]\n";
+        assert!(text.contains(&format!("{ABOUT_GUESSES}{listed}")), "{text}");
+        // Once more, the list is not repeated.
+        let text = with_value(&text, &path, 0.06).unwrap();
+        assert_eq!(text.matches("guessed = [").count(), 1, "{text}");
+        assert!(
+            parsed(
+                &with_value(SCENE, &["seed", "x"], 1)
+                    .unwrap_err()
+                    .to_string()
+            )
+            .is_err()
+        );
+    }
+
+    #[test]
+    fn tables_are_added_and_removed() {
+        let text = with_table(SCENE, "[targets.robot]\ncolors = \"r.colors.toml\"").unwrap();
+        assert!(
+            text.ends_with("\n\n[targets.robot]\ncolors = \"r.colors.toml\"\n"),
+            "{text}"
+        );
+        assert!(with_table(&text, "[targets.ball]").is_err());
+        let text = without(&text, "targets", "ball").unwrap();
+        assert!(
+            !text.contains("ball") && text.contains("targets.robot"),
+            "{text}"
+        );
+        let error = without(&text, "targets", "ball").unwrap_err();
+        assert_eq!(error.to_string(), "targets.ball: is not in the scene");
+    }
+
+    #[test]
+    fn a_lens_takes_the_place_of_another_and_of_a_guessed_pose() {
+        let calibrated = "[cameras.left]\nvideo = \"b.mp4\"\ncalibration = \"c.toml\"  # the lens and the pose\n";
+        let text = with_lens(SCENE, "left", calibrated).unwrap();
+        assert!(
+            text.contains("video = \"a.mp4\"\ncalibration = \"c.toml\""),
+            "{text}"
+        );
+        for gone in ["pinhole", "size_px", "world_from_camera", "b.mp4"] {
+            assert!(!text.contains(gone), "{gone} in {text}");
+        }
+        // Back to a guess, with a pose that somebody gave.
+        let guess = "[cameras.left]\nsize_px = [640, 480]\nworld_from_camera = [  # CHANGE: a guess\n    [9.0],\n]\n\n\
+                     [cameras.left.model.pinhole]\nf_px = [700.0, 700.0]\n";
+        let again = with_lens(&text, "left", guess).unwrap();
+        assert!(
+            again.contains("[[9.0]") || again.contains("[9.0]"),
+            "{again}"
+        );
+        assert!(
+            again.contains("[cameras.left.model.pinhole]\nf_px = [700.0, 700.0]"),
+            "{again}"
+        );
+        let given = SCENE.replace("[  # CHANGE: a guess", "[");
+        let kept = with_lens(&given, "left", guess).unwrap();
+        assert!(
+            kept.contains("[1.0, 0.0, 0.0, 0.0]") && !kept.contains("9.0"),
+            "{kept}"
+        );
+        assert!(
+            kept.contains("f_px = [700.0, 700.0]") && !kept.contains("500"),
+            "{kept}"
+        );
+    }
+}

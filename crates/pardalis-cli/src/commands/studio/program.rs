@@ -1,0 +1,170 @@
+//! Runs the studio, and shows runs of `track`.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Result;
+use pardalis_studio::{Asset, Extension, Feed, Program, Server};
+use serde_json::{Value, json};
+
+use super::places::Places;
+use super::project::Project;
+use super::session::Session;
+use super::{Arguments, WatchOptions};
+use crate::interrupt;
+use crate::output::{Shown, note, warn};
+use crate::source::decode::media_kind;
+use crate::tracking::Watch;
+use crate::user_error::user_error;
+
+/// How often the program looks for Ctrl-C.
+const POLL: Duration = Duration::from_millis(100);
+
+/// How long pages may fetch the last rows of a run that is over.
+const LAST_ROWS: Duration = Duration::from_millis(1500);
+
+/// Serves the page, with the viewer of tracks, and prints its address.
+fn serve(
+    (listen, port): (Option<IpAddr>, u16),
+    program: Arc<dyn Program>,
+    feed: Feed,
+) -> Result<Server> {
+    let ip = listen.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST));
+    let address = SocketAddr::new(ip, port);
+    let folder = "viewer/";
+    let assets = pardalis_viewer::ASSETS.iter().map(|asset| Asset {
+        path: format!("{folder}{}", asset.path).into(),
+        content_type: asset.content_type,
+        bytes: asset.bytes,
+    });
+    let extension = Extension {
+        assets: assets.collect(),
+        import_map: pardalis_viewer::import_map(&format!("/{folder}")),
+    };
+    let server = Server::start(address, program, feed, extension).map_err(|error| {
+            user_error!(
+                "{address}: the page cannot be served there: {error}; choose another --port, or an address of this computer with --listen"
+            )
+        })?;
+    note(format_args!(
+        "Open {} in a browser; Ctrl-C ends it.",
+        server.address()
+    ));
+    Ok(server)
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let is_scene = |input: &&String| {
+        let path = Path::new(input);
+        path.extension().is_some_and(|ending| ending == "toml") && media_kind(path).is_none()
+    };
+    let scenes: Vec<&String> = arguments.inputs.iter().filter(is_scene).collect();
+    let given = match scenes[..] {
+        [] => None,
+        [scene] => Some(PathBuf::from(scene)),
+        [_, second, ..] => {
+            return Err(user_error!("{second}: is a second scene; give one"));
+        }
+    };
+    if let Some(scene) = given.as_ref().filter(|scene| !scene.exists()) {
+        return Err(user_error!(
+            "{}: there is no such file; check the name, or give -o {} to begin it",
+            scene.shown(),
+            scene.shown()
+        ));
+    }
+    let path = arguments.output.clone().or_else(|| given.clone());
+    let path = path.unwrap_or_else(|| PathBuf::from("scene.toml"));
+    let mut project = Project::open(given.as_ref().unwrap_or(&path))?;
+    project.rename(&path)?;
+    let sources: Vec<&String> = arguments
+        .inputs
+        .iter()
+        .filter(|input| !is_scene(input))
+        .collect();
+    let mut places = vec![folder_of(&path)];
+    places.extend(given.as_ref().map(|scene| folder_of(scene)));
+    let is_file = |input: &&&String| !input.contains("://") && !input.starts_with("/dev/");
+    places.extend(sources.iter().filter(is_file).map(PathBuf::from));
+    let feed = Feed::default();
+    let session = Session::new(project, Places::of(&places)?, feed.clone());
+    for source in sources {
+        session.add_source(source, None)?;
+    }
+    session.follow();
+    interrupt::listen();
+    let program = Arc::clone(&session);
+    let server = serve((arguments.listen, arguments.port), program, feed)?;
+    while !interrupt::requested() {
+        std::thread::sleep(POLL);
+    }
+    drop(server);
+    session.wait();
+    if !session.is_saved() {
+        warn(format!("{}: the last changes were not saved", path.shown()));
+    }
+    Ok(())
+}
+
+fn folder_of(file: &Path) -> PathBuf {
+    match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+/// A page that shows a run, until it is dropped.
+pub(crate) struct Watching {
+    /// What shows the run.
+    pub(crate) watch: Watch,
+    feed: Feed,
+    _server: Server,
+}
+
+impl Watching {
+    /// Serves the page of a run of the scene in this file, if that is asked for.
+    pub(crate) fn start(options: &WatchOptions, scene_path: &Path) -> Result<Option<Self>> {
+        if !options.watch {
+            return Ok(None);
+        }
+        let feed = Feed::default();
+        let watch = Watch::of(&feed);
+        let program = Watched {
+            watch: watch.clone(),
+            scene: scene_path.shown(),
+        };
+        let place = (options.listen, options.port);
+        Ok(Some(Self {
+            watch,
+            _server: serve(place, Arc::new(program), feed.clone())?,
+            feed,
+        }))
+    }
+
+    /// Leaves open pages the time to fetch the last rows.
+    pub(crate) fn finish(self) {
+        self.feed.show("over", &json!(true));
+        if self.feed.is_watched() {
+            std::thread::sleep(LAST_ROWS);
+        }
+    }
+}
+
+/// Answers the pages that show a run.
+struct Watched {
+    watch: Watch,
+    scene: String,
+}
+
+impl Program for Watched {
+    fn answer(&self, request: &str, value: Value) -> Result<Value, String> {
+        match (request, value["from"].as_u64()) {
+            ("state", _) => Ok(json!({ "watched": self.scene })),
+            ("rows", Some(from)) => Ok(self.watch.rows_from(from as usize)),
+            _ => Err(format!("{request}: this page only shows a run")),
+        }
+    }
+}

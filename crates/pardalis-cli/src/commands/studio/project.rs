@@ -1,0 +1,228 @@
+//! The project: the text of a scene, which is all of its state, with the texts before and after it.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Result;
+
+use crate::commands::init::text::HEAD;
+use crate::commands::learn::samples::Sample;
+use crate::files::write_file;
+use crate::output::Shown;
+use crate::scene::read_scene_text;
+use crate::user_error::user_error;
+
+/// The most states that can be undone.
+const MAX_STATES: usize = 200;
+
+/// What an edit changes and undoing it restores.
+#[derive(Debug, Clone, Default)]
+pub(super) struct State {
+    /// The text of the scene.
+    pub(super) text: Arc<str>,
+    /// The frames in which each target is labelled, by its name.
+    pub(super) samples: BTreeMap<String, Vec<Sample>>,
+    /// The colour models that were learnt here, by their files.
+    pub(super) colors: BTreeMap<PathBuf, Arc<str>>,
+    /// What the edit that led here did.
+    pub(super) what: String,
+}
+
+/// A scene that is edited.
+#[derive(Debug)]
+pub(super) struct Project {
+    /// The file of the scene, which need not exist.
+    path: PathBuf,
+    now: State,
+    before: Vec<State>,
+    after: Vec<State>,
+    /// The text in the file; `None` if there is none.
+    saved: Option<Arc<str>>,
+}
+
+impl Project {
+    /// Opens the scene in a file, or begins one.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let saved: Option<Arc<str>> = if path.exists() {
+            Some(read_scene_text(path)?.into())
+        } else {
+            None
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            now: State {
+                text: saved.clone().unwrap_or_else(|| HEAD.into()),
+                ..State::default()
+            },
+            before: Vec::new(),
+            after: Vec::new(),
+            saved,
+        })
+    }
+
+    /// Gives the scene the name of another file, in which it is saved. Paths in it start at the folder of the file, so that it must be in the same folder
+    /// unless it is new.
+    pub(super) fn rename(&mut self, path: &Path) -> Result<()> {
+        if self.path == path {
+            return Ok(());
+        }
+        if self.saved.is_some() && self.path.parent() != path.parent() {
+            return Err(user_error!(
+                "-o {}: the paths in {} start at its folder; choose a file in the same folder",
+                path.shown(),
+                self.path.shown()
+            ));
+        }
+        if path.exists() {
+            return Err(user_error!(
+                "-o {}: already exists; choose another file, or give it as the scene",
+                path.shown()
+            ));
+        }
+        path.clone_into(&mut self.path);
+        self.saved = None;
+        Ok(())
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Returns the folder at which the paths in the scene start.
+    pub(super) fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    pub(super) fn now(&self) -> &State {
+        &self.now
+    }
+
+    pub(super) fn is_saved(&self) -> bool {
+        self.saved.as_deref() == Some(&*self.now.text)
+    }
+
+    /// Returns what can be undone, and what can be done again.
+    pub(super) fn steps(&self) -> (Option<&str>, Option<&str>) {
+        let undone = (!self.before.is_empty()).then_some(&*self.now.what);
+        (undone, self.after.last().map(|state| &*state.what))
+    }
+
+    /// Goes to another state. What was undone before is lost.
+    pub(super) fn edit(&mut self, state: State) -> Result<()> {
+        self.write_colors(&state)?;
+        self.before.push(std::mem::replace(&mut self.now, state));
+        if self.before.len() > MAX_STATES {
+            self.before.remove(0);
+        }
+        self.after.clear();
+        Ok(())
+    }
+
+    /// Goes back to the state before the last edit.
+    pub(super) fn undo(&mut self) -> Result<()> {
+        let Some(state) = self.before.pop() else {
+            return Err(user_error!("there is nothing to undo"));
+        };
+        self.write_colors(&state)?;
+        self.after.push(std::mem::replace(&mut self.now, state));
+        Ok(())
+    }
+
+    /// Goes to the state that was undone last.
+    pub(super) fn redo(&mut self) -> Result<()> {
+        let Some(state) = self.after.pop() else {
+            return Err(user_error!("there is nothing to do again"));
+        };
+        self.write_colors(&state)?;
+        self.before.push(std::mem::replace(&mut self.now, state));
+        Ok(())
+    }
+
+    /// Writes the scene.
+    ///
+    /// Errors: the file was changed by something else since it was read.
+    pub(super) fn save(&mut self) -> Result<()> {
+        let text = &self.now.text;
+        let in_file = self.path.exists().then(|| read_scene_text(&self.path));
+        let in_file = in_file.transpose()?;
+        if in_file.is_some() && in_file.as_deref() != self.saved.as_deref() {
+            return Err(user_error!(
+                "{}: another program changed or wrote it; rename it to keep it, and save again",
+                self.path.shown()
+            ));
+        }
+        write_file(&self.path, text.as_bytes())?;
+        self.saved = Some(Arc::clone(text));
+        Ok(())
+    }
+
+    /// Writes the colour models of a state that differ from those of the present one.
+    fn write_colors(&self, state: &State) -> Result<()> {
+        for (path, text) in &state.colors {
+            if self.now.colors.get(path) != Some(text) {
+                write_file(path, text.as_bytes())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn edit(project: &mut Project, text: &str, colors: &str) {
+        let mut state = project.now().clone();
+        state.text = text.into();
+        state.what = format!("to {text}");
+        let file = project.folder().join("ball.colors.toml");
+        state.colors.insert(file, colors.into());
+        project.edit(state).unwrap();
+    }
+
+    #[test]
+    fn undo_and_redo_restore_the_text_and_the_colours() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut project = Project::open(&folder.path().join("scene.toml")).unwrap();
+        let colors = || std::fs::read_to_string(folder.path().join("ball.colors.toml")).unwrap();
+        assert_eq!(project.steps(), (None, None));
+        assert!(project.undo().is_err());
+        edit(&mut project, "a", "red");
+        edit(&mut project, "b", "blue");
+        assert_eq!(project.steps(), (Some("to b"), None));
+        project.undo().unwrap();
+        assert_eq!((&*project.now().text, &*colors()), ("a", "red"));
+        assert_eq!(project.steps(), (Some("to a"), Some("to b")));
+        project.redo().unwrap();
+        assert_eq!((&*project.now().text, &*colors()), ("b", "blue"));
+        project.undo().unwrap();
+        edit(&mut project, "c", "green");
+        assert!(project.redo().is_err());
+        assert_eq!((&*project.now().text, &*colors()), ("c", "green"));
+        project.undo().unwrap();
+        project.undo().unwrap();
+        assert_eq!(&*project.now().text, HEAD);
+    }
+
+    #[test]
+    fn a_file_that_something_else_changed_is_not_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.toml");
+        let mut project = Project::open(&path).unwrap();
+        assert!(!project.is_saved());
+        edit(&mut project, "seed = 2\n", "red");
+        project.save().unwrap();
+        assert!(project.is_saved());
+        std::fs::write(&path, "seed = 3\n").unwrap();
+        edit(&mut project, "seed = 4\n", "red");
+        let error = project.save().unwrap_err().to_string();
+        assert!(error.contains("another program changed"), "{error}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "seed = 3\n");
+        // A new project does not replace a file that has appeared.
+        let other = folder.path().join("other.toml");
+        let mut project = Project::open(&other).unwrap();
+        std::fs::write(&other, "seed = 5\n").unwrap();
+        assert!(project.save().is_err());
+    }
+}

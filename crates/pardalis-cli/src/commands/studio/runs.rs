@@ -1,0 +1,60 @@
+//! Runs of the scene of a session.
+
+use std::sync::{Arc, Weak};
+
+use anyhow::Result;
+use serde_json::{Value, json};
+
+use super::running::Running;
+use super::session::Session;
+use crate::scene;
+use crate::tracking::Watch;
+use crate::user_error::user_error;
+
+impl Session {
+    /// Starts to track the scene as it is, saved or not.
+    pub(super) fn track(&self) -> Result<()> {
+        let mut inner = self.inner();
+        if inner.running.as_ref().is_some_and(Running::goes_on) {
+            return Err(user_error!("a run goes on; stop it first"));
+        }
+        let path = inner.project.path().to_owned();
+        let text = Arc::clone(&inner.project.now().text);
+        let scene = scene::parse(&text, &path, &toml::Table::new())?;
+        // Live cameras can be open only once.
+        inner.players.retain(|_, player| !player.is_live());
+        let session = Weak::clone(&self.me);
+        let ended = move || {
+            if let Some(session) = session.upgrade() {
+                session.follow();
+                session.tell();
+            }
+        };
+        inner.running = Some(Running::start(&path, scene, Watch::of(&self.feed), ended)?);
+        Ok(())
+    }
+
+    /// Waits for the end of the run.
+    pub(super) fn wait(&self) {
+        let running = self.inner().running.take();
+        if let Some(thread) = running.and_then(|running| running.thread) {
+            // A panic has been reported.
+            let _ = thread.join();
+        }
+    }
+
+    /// Ends the run; its results are complete.
+    pub(super) fn stop(&self) {
+        if let Some(running) = &self.inner().running {
+            running.stop.request();
+        }
+    }
+
+    /// Returns rows of the run.
+    pub(super) fn rows(&self, from: usize) -> Value {
+        match &self.inner().running {
+            Some(running) => running.watch.rows_from(from),
+            None => json!({ "first": from, "next": from, "targets": {} }),
+        }
+    }
+}

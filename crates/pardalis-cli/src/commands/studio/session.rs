@@ -1,0 +1,149 @@
+//! The session: a project, the pictures of its cameras and a run.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use anyhow::Result;
+use pardalis_studio::Feed;
+use serde_json::Value;
+
+use super::places::Places;
+use super::player::Player;
+use super::project::{Project, State};
+use super::running::Running;
+use crate::commands::learn::samples::Learnt;
+use crate::scene::{self, Parts};
+use crate::user_error::user_error;
+
+/// What is set up, and its run.
+pub(super) struct Session {
+    pub(super) feed: Feed,
+    pub(super) places: Places,
+    inner: Mutex<Inner>,
+    /// For threads that outlive a request.
+    pub(super) me: Weak<Self>,
+}
+
+/// What requests change.
+pub(super) struct Inner {
+    pub(super) project: Project,
+    /// The pictures of cameras, by their names.
+    pub(super) players: BTreeMap<String, Player>,
+    /// The colours that were learnt from the present samples of targets, by their names.
+    pub(super) learnt: BTreeMap<String, Learnt>,
+    pub(super) running: Option<Running>,
+}
+
+impl Session {
+    pub(super) fn new(project: Project, places: Places, feed: Feed) -> Arc<Self> {
+        Arc::new_cyclic(|me| Self {
+            feed,
+            places,
+            me: Weak::clone(me),
+            inner: Mutex::new(Inner {
+                project,
+                players: BTreeMap::new(),
+                learnt: BTreeMap::new(),
+                running: None,
+            }),
+        })
+    }
+
+    pub(super) fn inner(&self) -> MutexGuard<'_, Inner> {
+        // Edits replace whole states.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn is_saved(&self) -> bool {
+        self.inner().project.is_saved()
+    }
+
+    /// Goes to another state of the project, unless what was edited, by its key, has a problem then that it did not have.
+    pub(super) fn edit(
+        &self,
+        key: &str,
+        what: String,
+        change: impl FnOnce(&mut State) -> Result<()>,
+    ) -> Result<()> {
+        let mut inner = self.inner();
+        let mut state = inner.project.now().clone();
+        change(&mut state)?;
+        state.what = what;
+        let before = inner.parts();
+        let after = inner.parts_of(&state.text);
+        let is_new = |problem: &&pardalis_scene::Problem| {
+            let is_old = |old: &pardalis_scene::Problem| old.message == problem.message;
+            problem.key.starts_with(key) && !before.assembly.problems.iter().any(is_old)
+        };
+        if let Some(problem) = after.assembly.problems.iter().find(is_new) {
+            return Err(user_error!("{}: {}", problem.key, problem.message));
+        }
+        inner.project.edit(state)?;
+        drop(inner);
+        self.changed();
+        Ok(())
+    }
+
+    /// Follows the project with the pictures and the colours.
+    pub(super) fn changed(&self) {
+        let mut inner = self.inner();
+        inner.learnt.clear();
+        drop(inner);
+        self.follow();
+    }
+
+    /// Shows the pictures of the cameras that the scene has.
+    pub(super) fn follow(&self) {
+        let mut inner = self.inner();
+        let is_running = inner.running.as_ref().is_some_and(Running::goes_on);
+        let parts = inner.parts();
+        let folder = inner.project.folder().to_owned();
+        let mut wanted = BTreeMap::new();
+        for camera in &parts.scene.cameras {
+            if let Ok(config) = scene::source_config(camera, &folder) {
+                // Most cameras can be open only once.
+                if !(is_running && config.is_live()) {
+                    wanted.insert(camera.name.clone(), config);
+                }
+            }
+        }
+        let is_wanted = |name: &String, player: &mut Player| {
+            wanted.get(name).is_some_and(|config| player.shows(config))
+        };
+        inner.players.retain(is_wanted);
+        for (name, config) in wanted {
+            if !inner.players.contains_key(&name)
+                && let Ok(player) = Player::start(&name, config, None, &self.feed)
+            {
+                inner.players.insert(name, player);
+            }
+        }
+    }
+
+    /// Returns the state of the session, and tells it to all pages.
+    pub(super) fn tell(&self) -> Value {
+        let state = self.inner().state();
+        self.feed.show("state", &state);
+        state
+    }
+}
+
+impl Inner {
+    /// Returns the picture of a camera.
+    pub(super) fn player(&self, camera: &str) -> Result<&Player> {
+        self.players.get(camera).ok_or_else(|| {
+            user_error!("cameras.{camera}: has no picture; see the problems of the step Sources")
+        })
+    }
+
+    /// Reads the present scene.
+    pub(super) fn parts(&self) -> Parts {
+        self.parts_of(&self.project.now().text)
+    }
+
+    fn parts_of(&self, text: &str) -> Parts {
+        let sizes = self.players.iter();
+        let sizes = sizes.filter_map(|(name, player)| Some((name.clone(), player.size_px()?)));
+        scene::parts_of_text(text, self.project.folder(), &sizes.collect())
+    }
+}

@@ -1,0 +1,401 @@
+//! What each step of the page changes in the scene.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis_camera::Camera;
+use pardalis_scene::{NAMES_ALLOWED, Scene, is_name};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::edits::{with_lens, with_table, with_value, without};
+use super::session::{Inner, Session};
+use crate::commands::init::text::{Calibration, CameraText, target_text};
+use crate::commands::init::{self, Fov, Input, Model, Opened};
+use crate::commands::learn::samples::{Learnt, Pointed, Sample, learn_samples, outline_of};
+use crate::draw::picture::jpeg_of;
+use crate::focal_length::parse_fov_deg;
+use crate::output::Shown as _;
+use crate::scene::{self, problems_in};
+use crate::scene_files::read_calibration;
+use crate::source::Source;
+use crate::user_error::user_error;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Guessed {
+    camera: String,
+    fov_deg: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Calibrated {
+    camera: String,
+    file: String,
+    /// The camera of this name in the file, if it has several.
+    of: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NewTarget {
+    name: String,
+    radius_m: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Radius {
+    target: String,
+    /// `None` if it is unknown.
+    radius_m: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Label {
+    camera: String,
+    target: String,
+    /// A pixel on the target.
+    at_px: Option<[f64; 2]>,
+    /// Two corners of a box around it.
+    box_px: Option<[[f64; 2]; 2]>,
+}
+
+impl Session {
+    /// Adds the cameras of a file, a folder, a device or an address.
+    pub(super) fn add_source(&self, input: &str, fps: Option<f64>) -> Result<()> {
+        // Anything else is a file, which must be in an allowed place.
+        let device = input.strip_prefix("/dev/video");
+        let is_device =
+            device.is_some_and(|number| number.bytes().all(|byte| byte.is_ascii_digit()));
+        let is_live = input.contains("://") || is_device;
+        let (texts, radius_m) = if is_live {
+            (vec![self.live_camera(input)?], None)
+        } else {
+            let path = self.places.allowed(input)?;
+            let output = self.inner().project.path().to_owned();
+            let known_fps = fps.filter(|_| path.is_dir() && !path.join("times.csv").is_file());
+            init::cameras(&init::Arguments::of(path, output, known_fps))?
+        };
+        let names: Vec<String> = texts.iter().map(|text| text.name.clone()).collect();
+        let key = "cameras";
+        self.edit(key, format!("add {}", names.join(", ")), |state| {
+            for camera in texts {
+                let name = unused_name(&state.text, &camera.name);
+                let mut table = String::new();
+                camera.named(name).text(&mut table);
+                state.text = with_table(&state.text, &table)?.into();
+            }
+            let has_target = state.text.contains("[targets.");
+            if let (false, Some(radius_m)) = (has_target, radius_m) {
+                let table = target_text("ball", Some(radius_m), "ball.colors.toml");
+                state.text = with_table(&state.text, &table)?.into();
+            }
+            Ok(())
+        })
+    }
+
+    /// Opens a live camera once for the size of its images.
+    fn live_camera(&self, input: &str) -> Result<CameraText> {
+        let place = toml::Value::from(input);
+        let probe = format!(
+            "[cameras.camera]\nvideo = {place}\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
+             model.pinhole = {{ f_px = [1, 1], center_px = [0, 0] }}\n"
+        );
+        let (scene, problems) = Scene::parse_parts(&probe, &|_, _| Err(String::new()));
+        let of_camera = problems
+            .into_iter()
+            .find(|p| p.key.starts_with("cameras.camera"));
+        if let Some(problem) = of_camera {
+            return Err(user_error!("{input}: {}", problem.message));
+        }
+        let path = self.inner().project.path().to_owned();
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let config = scene
+            .cameras
+            .first()
+            .map(|camera| scene::source_config(camera, folder));
+        let config = config.unwrap_or_else(|| unreachable!("it has no problem"));
+        let config = config.map_err(|problem| problems_in("scene", &path, &[problem]))?;
+        let size = Source::open(&config)?.size();
+        let opened = Opened {
+            size,
+            input: Input::Video,
+        };
+        Ok(CameraText::guessed(
+            Model::Pinhole,
+            &Fov::Unknown,
+            &opened,
+            input,
+            None,
+        ))
+    }
+
+    /// Removes a camera or a target.
+    pub(super) fn remove(&self, kind: &str, name: &str) -> Result<()> {
+        if !["cameras", "targets"].contains(&kind) {
+            return Err(user_error!("{kind}: allowed: cameras, targets"));
+        }
+        self.edit("seed", format!("remove {name}"), |state| {
+            state.text = without(&state.text, kind, name)?.into();
+            state.samples.remove(name);
+            Ok(())
+        })
+    }
+
+    /// Gives a camera the lens of a pinhole camera with an angle of view.
+    pub(super) fn set_fov(&self, guessed: &Guessed) -> Result<()> {
+        let name = &guessed.camera;
+        let fov_deg = parse_fov_deg(&guessed.fov_deg.to_string())
+            .map_err(|allowed| user_error!("the angle of view: {allowed}"))?;
+        let opened = self.inner().opened(name)?;
+        let camera = CameraText::guessed(Model::Pinhole, &Fov::Given(fov_deg), &opened, "", None);
+        self.set_lens(name, format!("{fov_deg} degrees for {name}"), camera)
+    }
+
+    /// Gives a camera the lens, and the pose if it has one, of a calibration file.
+    pub(super) fn set_calibration(&self, calibrated: &Calibrated) -> Result<()> {
+        let name = &calibrated.camera;
+        let file = self.places.allowed(&calibrated.file)?;
+        let cameras = read_calibration(Path::new(""), &file.to_string_lossy(), None)
+            .map_err(|message| user_error!("{message}"))?;
+        let wanted = calibrated.of.as_ref().unwrap_or(name);
+        let camera = match &cameras[..] {
+            [camera] => camera,
+            _ => cameras
+                .iter()
+                .find(|camera| camera.name == *wanted)
+                .ok_or_else(|| {
+                    let names: Vec<_> = cameras.iter().map(|camera| &*camera.name).collect();
+                    user_error!(
+                        "{}: has the cameras {}; choose one of them",
+                        file.shown(),
+                        names.join(", ")
+                    )
+                })?,
+        };
+        let opened = self.inner().opened(name)?;
+        init::check_size(&file, camera, opened.size)?;
+        let path = self.inner().project.path().to_owned();
+        let calibration = Calibration {
+            file: init::shown_path(&file, &path),
+            camera: (cameras.len() > 1).then(|| camera.name.clone()),
+            lens: None,
+        };
+        let text = CameraText::known(camera, calibration, &opened, "", None);
+        let what = format!("{} for {name}", file.shown());
+        self.set_lens(name, what, text)
+    }
+
+    fn set_lens(&self, name: &str, what: String, camera: CameraText) -> Result<()> {
+        let mut table = String::new();
+        camera.named(name.to_owned()).text(&mut table);
+        self.edit(&format!("cameras.{name}"), what, |state| {
+            state.text = with_lens(&state.text, name, &table)?.into();
+            Ok(())
+        })
+    }
+
+    /// Adds a ball.
+    pub(super) fn add_target(&self, target: &NewTarget) -> Result<()> {
+        let name = &target.name;
+        if !is_name(name) {
+            return Err(user_error!("the name {name}: allowed: {NAMES_ALLOWED}"));
+        }
+        let folder = self.inner().project.folder().to_owned();
+        let colors = unused_colors(&folder, name);
+        self.edit(
+            &format!("targets.{name}.shape"),
+            format!("add {name}"),
+            |state| {
+                let table = target_text(name, target.radius_m, &colors);
+                state.text = with_table(&state.text, &table)?.into();
+                Ok(())
+            },
+        )
+    }
+
+    /// Sets the radius of a ball.
+    pub(super) fn set_radius(&self, radius: &Radius) -> Result<()> {
+        let name = &*radius.target;
+        let what = match radius.radius_m {
+            Some(radius_m) => format!("radius {radius_m} m of {name}"),
+            None => format!("unknown radius of {name}"),
+        };
+        self.edit(&format!("targets.{name}"), what, |state| {
+            let path = ["targets", name, "shape", "sphere", "radius_m"];
+            state.text = match radius.radius_m {
+                Some(radius_m) => with_value(&state.text, &path, radius_m)?,
+                None => with_value(&state.text, &path, "unknown")?,
+            }
+            .into();
+            Ok(())
+        })
+    }
+
+    /// Labels a target in the frame that a camera shows, and learns its colours from all its labels.
+    pub(super) fn label(&self, label: &Label) -> Result<()> {
+        let pointed = match (label.at_px, label.box_px) {
+            (Some(at_px), None) => Pointed::At(at_px),
+            (None, Some([a, b])) => Pointed::Within(a, b),
+            _ => return Err(user_error!("give either at_px or box_px")),
+        };
+        self.inner().colors_file(&label.target)?;
+        let (number, frame) = self.inner().shown(&label.camera)?;
+        let lens = self.inner().lens(&label.camera);
+        let outline_px = outline_of(&frame, lens.clone(), pointed)?;
+        let sample = Sample {
+            camera: label.camera.clone(),
+            lens,
+            number,
+            frame,
+            outline_px,
+        };
+        let what = format!("label {} in {} {number}", label.target, label.camera);
+        self.learn(&label.target, what, |samples| {
+            // The last label of a frame counts.
+            samples
+                .retain(|other| (&other.camera, other.number) != (&sample.camera, sample.number));
+            samples.push(sample);
+            Ok(())
+        })
+    }
+
+    /// Removes a label.
+    pub(super) fn unlabel(&self, target: &str, number: usize) -> Result<()> {
+        self.learn(target, format!("remove a label of {target}"), |samples| {
+            if number >= samples.len() {
+                return Err(user_error!("targets.{target}: has no label {number}"));
+            }
+            samples.remove(number);
+            Ok(())
+        })
+    }
+
+    /// Changes the labels of a target, and learns its colours from them.
+    fn learn(
+        &self,
+        target: &str,
+        what: String,
+        change: impl FnOnce(&mut Vec<Sample>) -> Result<()>,
+    ) -> Result<()> {
+        let file = self.inner().colors_file(target)?;
+        self.edit(&format!("targets.{target}.colors"), what, |state| {
+            let samples = state.samples.entry(target.to_owned()).or_default();
+            change(samples)?;
+            if !samples.is_empty() {
+                let learnt = learn_samples(samples)?;
+                // A model that was not learnt here stays as it is.
+                let is_own = state.colors.contains_key(&file) || !file.exists();
+                if !is_own {
+                    return Err(user_error!(
+                        "{}: holds colours that were learnt before; remove the target and add it again under another name to learn new ones",
+                        file.shown()
+                    ));
+                }
+                state.colors.insert(file, learnt.model.to_text().into());
+            }
+            Ok(())
+        })
+    }
+
+    /// Shows what in the picture of a camera has the colours of a target.
+    pub(super) fn show_marked(&self, target: &str, camera: &str) -> Result<Value> {
+        let mut inner = self.inner();
+        let (number, frame) = inner.shown(camera)?;
+        let learnt = inner.learnt(target)?;
+        let (picture, share) = learnt.marked(&frame);
+        let about = json!({
+            "index": number,
+            "share": share,
+            "found": learnt.found,
+            "mistaken": learnt.mistaken,
+            "failed": learnt.failed,
+        });
+        let jpeg = jpeg_of(&picture)?;
+        self.feed.show_image("marked", &about, &jpeg);
+        Ok(about)
+    }
+}
+
+impl Inner {
+    /// Returns the frame that a camera shows, with its number.
+    pub(super) fn shown(&self, camera: &str) -> Result<(usize, pardalis::Frame)> {
+        self.player(camera)?.shown().ok_or_else(|| {
+            user_error!("cameras.{camera}: shows no frame yet; wait for its picture")
+        })
+    }
+
+    /// Returns the lens of a camera, if it is known well enough for the outline of a ball.
+    pub(super) fn lens(&self, camera: &str) -> Option<Camera> {
+        let cameras = self.parts().scene.cameras.into_iter();
+        let mut named = cameras.filter(|one| one.name == camera);
+        // That of a plane sees no heights.
+        named
+            .next()
+            .map(|one| one.camera)
+            .filter(|lens| !matches!(lens, Camera::Plane(_)))
+    }
+
+    /// Returns what is known of the images of a camera.
+    fn opened(&self, camera: &str) -> Result<Opened> {
+        let size = self.player(camera)?.size_px().ok_or_else(|| {
+            user_error!("cameras.{camera}: has no picture yet; wait for it, or see the problems of the step Sources")
+        })?;
+        Ok(Opened {
+            size,
+            input: Input::Video,
+        })
+    }
+
+    /// Returns the file of the colours of a target.
+    fn colors_file(&self, target: &str) -> Result<PathBuf> {
+        let table = self.table_of("targets", target);
+        let table = table
+            .ok_or_else(|| user_error!("targets.{target}: is not in the scene; add it first"))?;
+        let name = table.get("colors").and_then(toml::Value::as_str);
+        let name = name.ok_or_else(|| {
+            user_error!(
+                "targets.{target}: has no colours of its own, but perhaps landmarks or a detector"
+            )
+        })?;
+        Ok(self.project.folder().join(name))
+    }
+
+    /// Returns what the samples of a target teach.
+    fn learnt(&mut self, target: &str) -> Result<&Learnt> {
+        if !self.learnt.contains_key(target) {
+            let samples = self.project.now().samples.get(target);
+            let samples = samples
+                .filter(|samples| !samples.is_empty())
+                .ok_or_else(|| {
+                    user_error!(
+                        "targets.{target}: is labelled in no frame; click it in a picture first"
+                    )
+                })?;
+            let learnt = learn_samples(samples)?;
+            self.learnt.insert(target.to_owned(), learnt);
+        }
+        Ok(&self.learnt[target])
+    }
+}
+
+/// Returns a name of a camera that the scene does not have.
+fn unused_name(text: &str, wanted: &str) -> String {
+    let table: toml::Table = text.parse().unwrap_or_default();
+    let cameras = table.get("cameras").and_then(toml::Value::as_table);
+    let is_free = |name: &String| cameras.is_none_or(|cameras| !cameras.contains_key(name));
+    let numbered = (2..).map(|number| format!("{wanted}-{number}"));
+    let mut names = std::iter::once(wanted.to_owned()).chain(numbered);
+    names.find(is_free).unwrap_or_else(|| wanted.to_owned())
+}
+
+/// Returns a name for a file of colours that does not exist.
+fn unused_colors(folder: &Path, target: &str) -> String {
+    let numbered = (2..).map(|number| format!("{target}-{number}.colors.toml"));
+    let mut names = std::iter::once(format!("{target}.colors.toml")).chain(numbered);
+    let free = names.find(|name| !folder.join(name).exists());
+    free.unwrap_or_else(|| format!("{target}.colors.toml"))
+}

@@ -1,0 +1,244 @@
+//! A run that is shown while it goes on: images with what is drawn over them, the state of each target, and the rows so far.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use anyhow::Result;
+use pardalis::{CameraId, Frame, Tracker};
+use pardalis_scene::Scene;
+use pardalis_studio::Feed;
+use serde_json::{Map, Value, json};
+
+use super::marks::Marker;
+use super::rows::{HEADER, write_row};
+use super::{Instant, Sink};
+use crate::draw::overlay::{Mark, Note, Shape};
+use crate::draw::picture::{jpeg_of, picture_of};
+use crate::report::{self, PageCamera, PageScene};
+use crate::timing::now_s;
+
+/// The shortest time between two images of a camera, and between two messages about the state, in seconds. Hand-set: as many as people see.
+const INTERVAL_S: f64 = 0.04;
+/// The most rows that are kept for pages that open late. Hand-set: more than an hour of one target at 50 frames per second, in less than 100 MB.
+const MAX_ROWS: usize = 200_000;
+/// The most rows in one answer.
+const MAX_ANSWERED: usize = 20_000;
+/// The upper limits of the histogram of tracking times, in milliseconds; there is one more bin above.
+const HISTOGRAM_MS: [f64; 12] = [
+    0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 25.0, 50.0, 100.0,
+];
+
+/// What shows a run. Cloning shares it.
+#[derive(Debug, Clone)]
+pub(crate) struct Watch {
+    feed: Feed,
+    rows: Arc<Mutex<RowsSoFar>>,
+}
+
+/// The last rows, as in `tracks.csv`.
+#[derive(Debug, Default)]
+struct RowsSoFar {
+    rows: VecDeque<String>,
+    /// Number of rows before the first that is kept.
+    dropped: usize,
+}
+
+impl Watch {
+    /// Shows a run on the pages that watch the feed.
+    pub(crate) fn of(feed: &Feed) -> Self {
+        Self {
+            feed: feed.clone(),
+            rows: Arc::default(),
+        }
+    }
+
+    /// Returns the rows from this number on, as columns of each target, and the number of the row after them.
+    pub(crate) fn rows_from(&self, first: usize) -> Value {
+        let so_far = self.so_far();
+        let skipped = first.saturating_sub(so_far.dropped);
+        let rows = so_far.rows.iter().skip(skipped).take(MAX_ANSWERED);
+        let next = first.max(so_far.dropped) + rows.len();
+        let mut targets: BTreeMap<&str, Map<String, Value>> = BTreeMap::new();
+        for row in rows {
+            let cells = HEADER.trim_end().split(',').zip(row.trim_end().split(','));
+            let (_, name) = cells.clone().nth(2).unwrap_or_default();
+            let columns = targets.entry(name).or_default();
+            for (column, cell) in cells.filter(|(column, _)| *column != "target") {
+                let value = match (column, cell.parse::<f64>()) {
+                    ("state", _) => Value::from(cell),
+                    (_, Ok(number)) => Value::from(number),
+                    _ => Value::Null,
+                };
+                let values = columns.entry(column).or_insert_with(|| json!([]));
+                if let Value::Array(values) = values {
+                    values.push(value);
+                }
+            }
+        }
+        json!({ "first": first.max(so_far.dropped), "next": next, "targets": targets })
+    }
+
+    /// Shows the scene in the file at `scene_path`, and then its run.
+    pub(super) fn sink(&self, scene_path: &Path, scene: &Scene, tracker: &Tracker) -> WatchSink {
+        let cameras = tracker.views().iter().map(|view| PageCamera {
+            size_px: Some(view.size()),
+            path: Vec::new(),
+        });
+        let cameras: Vec<PageCamera> = cameras.collect();
+        let page = PageScene::new(report::title(scene_path), scene, &cameras);
+        self.feed.show("scene", &json!(page));
+        WatchSink {
+            watch: self.clone(),
+            marker: Marker::new(&scene.targets, true, true),
+            cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
+            shown_s: vec![f64::NEG_INFINITY; scene.cameras.len()],
+            told_s: f64::NEG_INFINITY,
+            untold: None,
+            histogram: [0; HISTOGRAM_MS.len() + 1],
+            text: String::new(),
+        }
+    }
+
+    fn so_far(&self) -> MutexGuard<'_, RowsSoFar> {
+        // Rows are added whole.
+        self.rows.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Shows a run.
+pub(crate) struct WatchSink {
+    watch: Watch,
+    marker: Marker,
+    /// The names of the cameras.
+    cameras: Vec<String>,
+    /// When the last image of each camera was shown, in seconds.
+    shown_s: Vec<f64>,
+    /// When the state was last told, in seconds.
+    told_s: f64,
+    /// The last state, if it was not told because another was told shortly before.
+    untold: Option<Value>,
+    /// How often tracking took how long.
+    histogram: [u64; HISTOGRAM_MS.len() + 1],
+    text: String,
+}
+
+impl Sink for WatchSink {
+    fn take(&mut self, instant: &Instant) -> Result<()> {
+        self.marker.follow(instant);
+        let tracking_ms = 1e3 * instant.tracking_s;
+        self.histogram[HISTOGRAM_MS.partition_point(|limit_ms| *limit_ms < tracking_ms)] += 1;
+        let row_count = self.add_rows(instant);
+        if !self.watch.feed.is_watched() {
+            return Ok(());
+        }
+        let now_s = now_s();
+        let state = self.state(instant, row_count);
+        if now_s - self.told_s >= INTERVAL_S {
+            self.told_s = now_s;
+            self.untold = None;
+            self.watch.feed.show("track", &state);
+        } else {
+            self.untold = Some(state);
+        }
+        for (camera, frame) in instant.frames {
+            if now_s - self.shown_s[*camera] >= INTERVAL_S {
+                self.shown_s[*camera] = now_s;
+                self.show(instant, *camera, frame)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for WatchSink {
+    fn drop(&mut self) {
+        if let Some(state) = &self.untold {
+            self.watch.feed.show("track", state);
+        }
+    }
+}
+
+impl WatchSink {
+    /// Returns the number of rows since the beginning.
+    fn add_rows(&mut self, instant: &Instant) -> usize {
+        let mut so_far = self.watch.so_far();
+        for tracked in instant.tracked {
+            self.text.clear();
+            let name = tracked.name(&self.marker.targets);
+            let place = (instant.index, instant.time_s);
+            write_row(&mut self.text, place, &name, &tracked.estimate);
+            so_far.rows.push_back(self.text.clone());
+        }
+        while so_far.rows.len() > MAX_ROWS {
+            so_far.rows.pop_front();
+            so_far.dropped += 1;
+        }
+        so_far.dropped + so_far.rows.len()
+    }
+
+    fn state(&self, instant: &Instant, row_count: usize) -> Value {
+        let targets = instant.tracked.iter().map(|tracked| {
+            let estimate = &tracked.estimate;
+            let known = estimate.kinematics.as_ref();
+            let sigma_m = known.map(|known| [0, 3, 5].map(|i| known.covariance_m2[i].sqrt()));
+            json!({
+                "name": tracked.name(&self.marker.targets),
+                "state": estimate.state.name(),
+                "confidence": estimate.confidence,
+                "position_m": known.map(|known| known.position_m),
+                "sigma_m": sigma_m,
+                "velocity_mps": known.and_then(|known| known.velocity_mps),
+            })
+        });
+        json!({
+            "frame": instant.index,
+            "time_s": instant.time_s,
+            "rows": row_count,
+            "targets": targets.collect::<Vec<_>>(),
+            "tracking_ms": { "limits": HISTOGRAM_MS, "counts": self.histogram },
+        })
+    }
+
+    /// Shows an image and what is drawn over it.
+    fn show(&self, instant: &Instant, camera: usize, frame: &Frame) -> Result<()> {
+        let id = CameraId::new(camera);
+        let marks = self.marker.marks(instant, id)?;
+        let notes = self.marker.notes(instant, id)?;
+        let about = json!({
+            "index": instant.index,
+            "time_s": frame.time_s(),
+            "marks": marks.iter().map(written).collect::<Vec<_>>(),
+            "notes": notes.iter().map(noted).collect::<Vec<_>>(),
+        });
+        let topic = format!("run/{}", self.cameras[camera]);
+        let jpeg = jpeg_of(&picture_of(frame))?;
+        self.watch.feed.show_image(&topic, &about, &jpeg);
+        Ok(())
+    }
+}
+
+fn written(mark: &Mark) -> Value {
+    let shape = match mark.shape {
+        Shape::Dots => "dots",
+        Shape::Line => "line",
+        Shape::Dashes => "dashes",
+        Shape::Contour => "contour",
+        Shape::WideContour => "wide_contour",
+    };
+    let points_px: Vec<_> = mark
+        .points_px
+        .iter()
+        .map(|point| point.map(rounded))
+        .collect();
+    json!({ "shape": shape, "color": mark.color, "points_px": points_px })
+}
+
+fn noted(note: &Note) -> Value {
+    json!({ "at_px": rounded(note.at_px), "text": note.text, "color": note.color })
+}
+
+/// Tenths of pixels are enough to be seen.
+fn rounded(pixel: [f64; 2]) -> [f64; 2] {
+    pixel.map(|value| (10.0 * value).round() / 10.0)
+}

@@ -1,0 +1,65 @@
+//! `track --watch` under attack: a page that is served costs the run nothing.
+
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::process::Stdio;
+
+use crate::common::{SCENE, Workplace};
+
+#[test]
+fn a_thousand_idle_connections_and_nonsense_do_not_disturb_the_run() {
+    let place = Workplace::with_frames(40);
+    place.track_with(SCENE, &["-o", "alone"]).fine();
+    let mut command = place.command(SCENE, &["-o", "out", "--watch"]);
+    let mut running = command
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut stderr = BufReader::new(running.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains("Open http://") {
+        line.clear();
+        assert!(stderr.read_line(&mut line).unwrap() > 0, "no address");
+    }
+    let address = line
+        .split("http://")
+        .nth(1)
+        .unwrap()
+        .split('/')
+        .next()
+        .unwrap();
+    // The run may be over before the last of them.
+    let mut idle: Vec<TcpStream> = (0..1000)
+        .filter_map(|_| TcpStream::connect(address).ok())
+        .collect();
+    for (number, stream) in idle.iter_mut().enumerate().skip(500) {
+        let _ = match number % 3 {
+            0 => stream.write_all(b"\x00\xff\x16\x03"),
+            1 => stream.write_all(format!("GET / HTTP/1.1\r\nHost: {address}\r\n").as_bytes()),
+            _ => {
+                stream.write_all(b"POST /api/rows HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n")
+            }
+        };
+    }
+    let mut rest = String::new();
+    stderr.read_to_string(&mut rest).unwrap();
+    assert!(running.wait().unwrap().success(), "{rest}");
+    let bytes = |folder: &str| std::fs::read(place.path(&format!("{folder}/tracks.csv"))).unwrap();
+    assert_eq!(bytes("alone"), bytes("out"));
+    drop(idle);
+}
+
+#[test]
+fn options_of_the_page_need_the_page() {
+    let place = Workplace::with_frames(1);
+    for option in [["--port", "4000"], ["--listen", "127.0.0.1"]] {
+        place.track_with(SCENE, &option).refused(&["--watch"]);
+    }
+    place
+        .track_with(SCENE, &["-o", "out", "--watch", "--listen", "203.0.113.1"])
+        .refused(&[
+            "203.0.113.1:0: the page cannot be served there",
+            "choose another --port",
+        ]);
+}

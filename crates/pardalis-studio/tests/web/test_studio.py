@@ -1,0 +1,412 @@
+"""The studio in a real browser, with the real program, bundled sequences and, as live cameras, streams of ffmpeg.
+
+`scripts/web-test` runs it, with the fixture `browser` of the viewer's tests. PARDALIS names the program, built with the feature `studio`.
+"""
+
+import csv
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+ROOT = Path(__file__).resolve().parents[4]
+DATA = ROOT / "data"
+PROGRAM = os.environ["PARDALIS"]
+# The program learns colours with code that is hardly optimised, on machines with other work.
+PATIENCE_MS = 60_000
+expect.set_options(timeout=PATIENCE_MS)
+
+
+class Studio:
+    """A running program that serves a page, and that page."""
+
+    def __init__(self, browser, folder, *arguments, command="studio", **context):
+        self.folder = folder
+        self.log = open(folder / "program.log", "w+")
+        self.process = subprocess.Popen([PROGRAM, command, *arguments], cwd=folder, stdout=self.log, stderr=self.log)
+        self.address = self.wait_for(r"Open (http://\S+) ")
+        self.errors = []
+        self.foreign = []
+        self.context = browser.new_context(viewport={"width": 1280, "height": 800}, **context)
+        self.context.set_default_timeout(PATIENCE_MS)
+        self.page = self.context.new_page()
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("console", lambda message: message.type == "error" and self.errors.append(message.text))
+        self.page.on("request", lambda request: self.is_own(request.url) or self.foreign.append(request.url))
+        self.page.goto(self.address)
+
+    def wait_for(self, pattern):
+        for _ in range(300):
+            text = Path(self.log.name).read_text()
+            if found := re.search(pattern, text):
+                return found[1]
+            assert self.process.poll() is None, text
+            time.sleep(0.1)
+        raise AssertionError(text)
+
+    def is_own(self, url):
+        return url.startswith((self.address, self.address.replace("http", "ws"), "blob:", "data:"))
+
+    def step(self, name):
+        self.page.click(f"#step-{name}")
+
+    def at(self, camera, pixel, size_px):
+        """Returns where on the page a picture shows a pixel."""
+        canvas = self.page.locator(f"[data-camera={camera}] canvas")
+        expect(self.page.locator(f"[data-camera={camera}]:not(.waits)")).to_be_visible()
+        box = canvas.bounding_box()
+        scale = box["width"] / size_px[0]
+        return [box["x"] + (pixel[0] + 0.5) * scale, box["y"] + (pixel[1] + 0.5) * scale]
+
+    def show(self, camera, frame):
+        """Goes to a frame of a recording."""
+        self.page.locator(f"#frame-{camera}").evaluate(
+            "(slider, frame) => { slider.value = frame; slider.dispatchEvent(new Event('input')); }", frame
+        )
+        shown = self.page.locator(f"[data-camera={camera}] .number-of-frame")
+        expect(shown).to_have_text(re.compile(rf"^{frame + 1} /"))
+
+    def ask(self, request, value=None):
+        """Asks the program as the page does."""
+        return self.page.evaluate(
+            """async ([request, value]) => (await fetch(`/api/${request}`, {
+                method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(value) })).json()""",
+            [request, value or {}],
+        )
+
+    def close(self):
+        self.context.close()
+        self.process.send_signal(signal.SIGINT)
+        assert self.process.wait(30) == 0, Path(self.log.name).read_text()
+        assert self.errors == []
+        assert self.foreign == []
+
+
+@pytest.fixture
+def studio(browser, tmp_path):
+    started = []
+
+    def start(*arguments, folder=tmp_path, **more):
+        started.append(Studio(browser, folder, *arguments, **more))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.close()
+
+
+def until(is_so):
+    """Waits until something holds."""
+    for _ in range(PATIENCE_MS // 100):
+        if is_so():
+            return
+        time.sleep(0.1)
+    raise AssertionError("it did not come to hold")
+
+
+def truth_of(sequence):
+    with open(DATA / sequence / "truth.csv") as file:
+        return list(csv.DictReader(file))
+
+
+def run(*arguments, folder):
+    return subprocess.run([PROGRAM, *arguments], cwd=folder, check=True, capture_output=True, text=True).stdout
+
+
+def figure(report, name):
+    """Returns a figure of the column for all frames of a report of `evaluate`."""
+    line = re.search(rf"^\s+{name}\s.*$", report, re.MULTILINE)
+    return float(line[0].split()[-1])
+
+
+def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path):
+    sequence = DATA / "dioptric-jump"
+    shutil.copytree(sequence / "frames", tmp_path / "frames")
+    shutil.copy(sequence / "camera.json", tmp_path / "lens.json")
+    one = studio()
+    page = one.page
+    # Sources: the folder of images.
+    page.get_by_role("button", name="Add the images in frames").click()
+    expect(page.locator("[data-camera=camera] .number-of-frame")).to_have_text("1 / 110")
+    # Camera: a calibration, with its pose.
+    one.step("camera")
+    expect(page.locator("#panel .now")).to_contain_text("typical angle of view was guessed")
+    page.get_by_role("button", name="lens.json").click()
+    expect(page.locator("#panel .now")).to_contain_text("Calibrated: lens.json")
+    # Colours: a name, and a click in three frames.
+    one.step("colors")
+    page.click("#add-target")
+    expect(page.locator("#panel .hint")).to_contain_text("Click ball in the picture")
+    truth = truth_of("dioptric-jump")
+    for number, frame in enumerate([0, 40, 100]):
+        one.show("camera", frame)
+        pixel = [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])]
+        page.mouse.click(*one.at("camera", pixel, (640, 480)))
+        expect(page.locator("#labels li")).to_have_count(number + 1)
+    page.check("#marked")
+    expect(page.locator("#share")).to_contain_text("% of this image")
+    # Targets: its diameter, in centimetres.
+    one.step("targets")
+    page.fill("#diameter-ball", "22")
+    page.click("#set-ball")
+    expect(page.locator("#step-targets .number")).to_have_text("✓")
+    # Track, and save.
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("#report")).to_contain_text("tracked 110 frames")
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    page.click("#save")
+    expect(page.locator("#file")).to_have_text("scene.toml")
+    # The program tracks the scene as the page did, and well.
+    shown = (tmp_path / "scene-tracks/tracks.csv").read_bytes()
+    run("track", "scene.toml", "-o", "again", folder=tmp_path)
+    assert (tmp_path / "again/tracks.csv").read_bytes() == shown
+    report = run("evaluate", "again", str(sequence), folder=tmp_path)
+    assert figure(report, "with an estimate") == 110
+    # With the colours that come with the sequence it is 60 mm; the ball is 1.8 to 3.9 m away, and its diameter 220 mm.
+    assert figure(report, "root mean square") < 110
+    # The 3D view has the numbers of the rows.
+    page.click("#show-viewer")
+    last = list(csv.DictReader(open(tmp_path / "again/tracks.csv")))[-1]
+    expect(page.locator("#viewer")).to_contain_text(f"{float(last['x_m']):.3f} m")
+
+
+def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "frames")
+    shutil.copy(DATA / "dioptric-jump/camera.json", tmp_path / "camera.json")
+    one = studio(".")
+    page = one.page
+    texts = [one.ask("state")["text"]]
+    page.keyboard.press("Alt+4")
+    expect(page.locator("#step-colors")).to_have_attribute("aria-current", "step")
+    page.locator("[data-camera=cam1] canvas").focus()
+    for key, count in [("Shift+ArrowRight", 14), ("Shift+ArrowUp", 15), ("ArrowUp", 2)]:
+        for _ in range(count):
+            page.keyboard.press(key)
+    page.keyboard.press("Enter")
+    expect(page.locator("#labels li")).to_have_count(1)
+    colors = (tmp_path / "ball.colors.toml").read_text()
+    # A box in its place, begun and ended with B.
+    for key, count in [("ArrowLeft", 20), ("ArrowUp", 18)]:
+        for _ in range(count):
+            page.keyboard.press(key)
+    page.keyboard.press("b")
+    for key, count in [("Shift+ArrowRight", 4), ("Shift+ArrowDown", 4)]:
+        for _ in range(count):
+            page.keyboard.press(key)
+    page.keyboard.press("b")
+    until(lambda: (tmp_path / "ball.colors.toml").read_text() != colors)
+    page.keyboard.press("Alt+5")
+    page.fill("#diameter-ball", "30")
+    page.keyboard.press("Enter")
+    expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius 0.15 m"))
+    texts.append(one.ask("state")["text"])
+    assert "radius_m = 0.15" in texts[1]
+    # Undone outside of fields, where it would undo typing.
+    page.locator("#step-targets").focus()
+    page.keyboard.press("Control+z")
+    expect(page.locator("#diameter-ball")).to_have_value("22")
+    assert one.ask("state")["text"] == texts[0]
+    page.keyboard.press("Control+z")
+    until(lambda: (tmp_path / "ball.colors.toml").read_text() == colors)
+    for _ in range(2):
+        page.keyboard.press("Control+Shift+z")
+    expect(page.locator("#diameter-ball")).to_have_value("30")
+    page.keyboard.press("Control+s")
+    expect(page.locator("#save")).to_be_disabled()
+    assert (tmp_path / "scene.toml").read_text() == texts[1]
+
+
+def test_mistakes_are_refused_with_their_remedy_and_change_nothing(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "in/frames")
+    (tmp_path / "secret.toml").write_text("secret = true\n")
+    (tmp_path / "broken.yml").write_text("a: [")
+    (tmp_path / "in/broken.yml").write_text("a: [")
+    one = studio("frames", folder=tmp_path / "in")
+    before = one.ask("state")["text"]
+    errors = {
+        "add_source": ({"input": str(tmp_path / "secret.toml")}, "start it with the folder that holds it"),
+        "add_source ": ({"input": "/dev/../etc/passwd"}, "start it with the folder that holds it"),
+        "add_source  ": ({"input": "/dev/video/../../etc/passwd"}, "start it with the folder that holds it"),
+        "add_source   ": ({"input": "file:///etc/passwd"}, "rtsp"),
+        "files": ({"folder": "/etc"}, "start it with the folder that holds it"),
+        "set_calibration": ({"camera": "camera", "file": "../secret.toml"}, "start it with the folder"),
+        "set_fov": ({"camera": "camera", "fov_deg": 180}, "allowed: 1 to 170"),
+        "add_target": ({"name": "a b"}, "allowed: 1 to 64 of the characters"),
+        "set_radius": ({"target": "ball", "radius_m": -1}, "targets.ball"),
+        "label": ({"camera": "camera", "target": "none", "at_px": [1, 1]}, "is not in the scene"),
+        "set_pose": ({"camera": "camera", "points": []}, "too few"),
+        "set_pose_of_board": ({"camera": "camera", "board": str(tmp_path / "secret.toml")}, "describe the board in words"),
+        "show": ({"camera": "none"}, "has no picture"),
+        "nonsense": ({}, "is no request of this page"),
+        "track": ({"x": 1}, "the request is malformed"),
+    }
+    one.ask("add_target", {"name": "ball"})
+    before = one.ask("state")["text"]
+    for request, (value, message) in errors.items():
+        assert message in one.ask(request.strip(), value)["error"], request
+    assert one.ask("state")["text"] == before
+    # On the page, a mistake is shown until it is closed. The browser lists the failed requests.
+    one.step("camera")
+    one.page.get_by_role("button", name="broken.yml").click()
+    expect(one.page.locator(".message.error")).to_contain_text("broken.yml")
+    assert len(one.errors) == len(errors) + 1
+    one.errors.clear()
+
+
+def test_names_of_strangers_stay_texts(studio, tmp_path):
+    name = '<img src=x onerror="window.hacked=1">'
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / name / "frames")
+    one = studio()
+    page = one.page
+    page.get_by_role("button", name=name, exact=False).first.click()
+    page.get_by_role("button", name="Add the images in frames").click()
+    expect(page.locator("#panel .name")).to_contain_text(name)
+    one.step("track")
+    page.click("#start")
+    expect(page.locator(".message.error")).to_be_visible()
+    assert page.evaluate("window.hacked") is None
+    assert page.locator("img:not(.logo)").count() == 0
+    one.errors.clear()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_fit_900_pixels_in_both_modes(studio, tmp_path, scheme):
+    shutil.copytree(DATA / "webcams-two", tmp_path / "two")
+    one = studio("two", color_scheme=scheme)
+    one.page.set_viewport_size({"width": 900, "height": 700})
+    for step in ["sources", "camera", "pose", "colors", "targets", "track"]:
+        one.step(step)
+        expect(one.page.locator("figure:not(.waits)").first).to_be_visible()
+        assert one.page.evaluate("document.documentElement.scrollWidth") <= 900, step
+        hidden = one.page.evaluate(
+            "[...document.querySelectorAll('button, input, select')].filter((e) => e.offsetParent && e.getBoundingClientRect().right > 901).map((e) => e.textContent)"
+        )
+        assert hidden == [], step
+    assert one.page.locator("figure").count() == 2
+    red = int(re.search(r"\d+", one.page.evaluate("getComputedStyle(document.body).backgroundColor"))[0])
+    assert (red > 200) == (scheme == "light")
+
+
+def test_the_pose_of_known_points_is_that_of_the_calibration(studio, tmp_path):
+    shutil.copytree(DATA / "webcams-two", tmp_path / "two")
+    one = studio("two")
+    page = one.page
+    camera = one.ask("state")["cameras"][0]
+    one.step("pose")
+    expect(page.locator("#panel .now")).to_contain_text("lines of the grid")
+    # Where the ball was, and where this camera showed it.
+    seen = [row for row in truth_of("webcams-two") if row["camera"] == camera["name"] and float(row["visible_fraction"]) == 1]
+    points = [
+        {"at_px": [float(row["u_px"]), float(row["v_px"])], "world_m": [float(row[axis]) for axis in ("x_m", "y_m", "z_m")]}
+        for row in seen[:: len(seen) // 8]
+    ]
+    before = camera["position_m"]
+    answer = one.ask("set_pose", {"camera": camera["name"], "points": points})
+    assert answer.get("rms_px", 9) < 0.5, answer
+    after = one.ask("state")["cameras"][0]["position_m"]
+    assert max(abs(a - b) for a, b in zip(before, after)) < 0.005
+    assert before != after
+
+
+@pytest.fixture
+def stream(tmp_path):
+    """Streams a bundled sequence in real time, again and again."""
+    assert shutil.which("ffmpeg"), "these tests need ffmpeg; install it"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    frames = str(DATA / "dioptric-jump/frames/%06d.jpg")
+    source = ["-re", "-stream_loop", "-1", "-framerate", "25", "-i", frames]
+    encoded = ["-c:v", "mpeg2video", "-q:v", "2", "-g", "5", "-f", "mpegts"]
+    address = f"udp://127.0.0.1:{port}"
+    with open(tmp_path / "ffmpeg.log", "w") as log:
+        command = ["ffmpeg", "-nostdin", *source, *encoded, f"{address}?pkt_size=1316"]
+        process = subprocess.Popen(command, stdout=log, stderr=log)
+    yield address
+    process.kill()
+    process.wait()
+
+
+def test_a_live_camera_is_tracked_while_a_page_watches(studio, tmp_path, stream):
+    scene = (DATA / "dioptric-jump/scene.toml").read_text()
+    scene = scene.replace('images = "frames"\nfps = 25', f'video = "{stream}"')
+    scene = scene.replace("../colors", str(DATA / "colors"))
+    (tmp_path / "live.toml").write_text(scene)
+    one = studio("live.toml", "--watch", "--duration", "6", "-o", "out", command="track")
+    page = one.page
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    expect(page.locator("[data-camera=cam1]:not(.waits)")).to_be_visible()
+    expect(page.locator("#steps")).to_be_hidden()
+    page.click("#show-viewer")
+    expect(page.locator("#viewer canvas").first).to_be_visible()
+    first = float(re.search(r"([\d.]+) s", page.locator("#now .time").inner_text())[1])
+    page.wait_for_timeout(1000)
+    later = float(re.search(r"([\d.]+) s", page.locator("#now .time").inner_text())[1])
+    assert later > first
+    # It ends by itself, which the page says, and its rows are complete.
+    assert one.process.wait(60) == 0
+    rows = list(csv.DictReader(open(tmp_path / "out/tracks.csv")))
+    assert len(rows) > 100
+    expect(page.locator(".message")).to_contain_text("The run is over")
+    page.close()
+    one.errors.clear()
+
+
+def test_a_live_stream_is_shown_learnt_tracked_and_stopped(studio, tmp_path, stream):
+    shutil.copy(DATA / "dioptric-jump/camera.json", tmp_path / "lens.json")
+    one = studio()
+    page = one.page
+    page.fill("#address", stream)
+    page.keyboard.press("Enter")
+    expect(page.locator("figure .live")).to_be_visible()
+    expect(page.locator("figcaption")).to_contain_text(re.compile(r"2\d\.\d per second · \d+ ms late · 0 of \d+ lost"))
+    one.step("camera")
+    page.get_by_role("button", name="lens.json").click()
+    expect(page.locator("#panel .now")).to_contain_text("Calibrated")
+    # The picture is held while it is clicked: the ball is where it is in some frame.
+    one.step("colors")
+    page.click("#add-target")
+    page.click("#play-camera")
+    expect(page.locator("#play-camera")).to_contain_text("Go on")
+    held = page.evaluate("document.querySelector('canvas').toDataURL()")
+    page.wait_for_timeout(500)
+    assert page.evaluate("document.querySelector('canvas').toDataURL()") == held
+    page.mouse.click(*one.at("camera", orange_pixel(page), (640, 480)))
+    expect(page.locator("#labels li")).to_have_count(1)
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+    rows = list(csv.DictReader(open(tmp_path / "scene-tracks/tracks.csv")))
+    assert any(row["state"] == "tracking" for row in rows)
+    # The picture is back.
+    one.step("sources")
+    expect(page.locator("figure .live")).to_be_visible()
+
+
+def orange_pixel(page):
+    """Returns the middle of the orange pixels of the picture, in pixels of the image."""
+    return page.evaluate(
+        """() => {
+            const canvas = document.querySelector("canvas");
+            const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            const [us, vs] = [[], []];
+            for (let i = 0; i < data.length; i += 4) {
+                if (data[i] > 170 && data[i + 1] < 0.7 * data[i] && data[i + 2] < 0.4 * data[i]) {
+                    us.push((i / 4) % canvas.width);
+                    vs.push(Math.floor(i / 4 / canvas.width));
+                }
+            }
+            const middle = (values) => values.sort((a, b) => a - b)[values.length >> 1];
+            return [us, vs].map((values) => middle(values) * 640 / canvas.width);
+        }"""
+    )

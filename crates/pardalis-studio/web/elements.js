@@ -1,0 +1,50 @@
+// Elements of the page. Texts come from files and scenes of strangers: they become text, never markup.
+
+/** Makes an element. Attributes that begin with "on" are listeners; `null` and `false` children and attributes are left out. */
+export function el(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name === "value") element.value = value;
+    else element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children.flat(9).filter((child) => child !== null && child !== undefined && child !== false));
+  return element;
+}
+
+/** Makes a button. */
+export function button(text, onclick, attributes = {}) {
+  return el("button", { type: "button", onclick, ...attributes }, text);
+}
+
+/** Makes a field with its name above it and, if given, a hint below it. */
+export function field(name, input, hint = null) {
+  return el("label", { class: "field" }, el("span", {}, name), input, hint && el("small", {}, hint));
+}
+
+/** Makes a choice among values, `[value, text]` each. */
+export function choice(options, value, onchange, attributes = {}) {
+  const select = el("select", { onchange: () => onchange(select.value), ...attributes });
+  for (const [option, text] of options) select.append(el("option", { value: option, selected: option === value }, text));
+  return select;
+}
+
+/** Formats a number with this many decimals; a dash if there is none. */
+export function fixed(value, decimals) {
+  return Number.isFinite(value) ? value.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1") : "–";
+}
+
+/** Replaces the children of an element and keeps the focus, and what is being typed, in the element of the same id. */
+export function replaceChildren(parent, ...children) {
+  const active = parent.contains(document.activeElement) ? document.activeElement : null;
+  const { id, value } = active ?? {};
+  const isTyped = active?.matches("input:not([type=range]):not([type=checkbox])");
+  const [start, end] = isTyped && active.type === "text" ? [active.selectionStart, active.selectionEnd] : [null, null];
+  parent.replaceChildren(...children.flat(9).filter(Boolean));
+  const again = id && document.getElementById(id);
+  if (!again) return;
+  if (isTyped && value !== active.defaultValue) again.value = value;
+  again.focus();
+  if (start !== null) again.setSelectionRange(start, end);
+}

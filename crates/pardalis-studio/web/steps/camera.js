@@ -1,0 +1,72 @@
+// Step 2: how each camera maps the world to its image.
+
+import { ask } from "../connection.js";
+import { button, el, field, fixed } from "../elements.js";
+
+let listing = null;
+
+async function list(app, folder = null) {
+  try {
+    listing = await ask("files", { folder });
+    const { entries } = listing;
+    if (folder === null && entries.length === 1 && entries[0].kind === "folder") return list(app, entries[0].path);
+  } catch (error) {
+    app.say(error.message, true);
+  }
+  app.render();
+}
+
+/** Draws the angle of view: the angles from the optical axis, in steps of ten degrees. */
+function drawAngles(context, px, camera) {
+  const size = camera?.source?.size_px;
+  if (!size || !camera.fov_deg) return;
+  const [u, v] = [0.5 * (size[0] - 1), 0.5 * (size[1] - 1)];
+  const focal = (0.5 * Math.max(...size)) / Math.tan((0.5 * camera.fov_deg * Math.PI) / 180);
+  context.strokeStyle = "#fffb";
+  context.fillStyle = "#fff";
+  context.lineWidth = 1.2 * px;
+  context.font = `${12 * px}px system-ui, sans-serif`;
+  for (let angle = 10; angle < 85; angle += 10) {
+    const radius = focal * Math.tan((angle * Math.PI) / 180);
+    if (radius > Math.hypot(...size)) break;
+    context.beginPath();
+    context.arc(u, v, radius, 0, 2 * Math.PI);
+    context.stroke();
+    if (radius < u) context.fillText(`${angle}°`, u + radius + 3 * px, v - 3 * px);
+  }
+}
+
+export const camera = {
+  id: "camera",
+  title: "Camera",
+  isBegun: ({ state }) => state.cameras.length > 0,
+  isDone: ({ state }) => state.cameras.length > 0 && !state.guesses.some(({ step }) => step === "camera"),
+  hint: (app) => (app.camera ? `How does ${app.camera} see? A calibration is best; its angle of view will do for a start.` : "Add a camera first."),
+  picture: (app, name) => ({ draw: (context, px) => drawAngles(context, px, app.state.cameras.find((one) => one.name === name)) }),
+
+  render(app) {
+    const one = app.state.cameras.find(({ name }) => name === app.camera);
+    if (!one) return [];
+    if (!listing) list(app);
+    const fov = el("input", { type: "number", id: "fov", min: 1, max: 170, step: "any", value: fixed(one.fov_deg ?? 60, 1) });
+    const files = (listing?.entries ?? []).filter(({ kind }) => kind === "folder" || kind === "text");
+    const isGuess = app.state.guesses.some(({ key }) => key.startsWith(`cameras.${one.name}.model`));
+    const now = one.calibration ? `Calibrated: ${one.calibration} (${one.model}).` : isGuess ? "A typical angle of view was guessed." : `${one.model}, as the scene says.`;
+    const use = (path) => app.change("set_calibration", { camera: one.name, file: path });
+    return [
+      el("p", { class: "now" }, now),
+      el("h3", {}, "Angle of view"),
+      el("p", {}, "Between the left and the right edge of the image. Webcams have 50° to 75°, phones about 65°."),
+      el(
+        "form",
+        { class: "row", onsubmit: (event) => { event.preventDefault(); app.change("set_fov", { camera: one.name, fov_deg: Number(fov.value) }); } },
+        field("Degrees across the longer side", fov),
+        el("button", { type: "submit", id: "set-fov" }, "Set"),
+      ),
+      el("h3", {}, "Calibration file"),
+      el("p", {}, "Of Pardalis, OpenCV, ROS, Kalibr, OCamCalib or Basalt."),
+      listing?.folder && el("p", { class: "folder" }, listing.above !== null && button("↑", () => list(app, listing.above), { "aria-label": "Folder above" }), el("span", { title: listing.folder }, listing.folder)),
+      el("ul", { class: "files" }, files.map(({ name, path, kind }) => el("li", {}, button([el("span", { class: "symbol", "aria-hidden": "true" }, kind === "folder" ? "▸" : "·"), name], () => (kind === "folder" ? list(app, path) : use(path)), { class: "entry" })))),
+    ];
+  },
+};

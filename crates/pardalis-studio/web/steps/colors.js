@@ -1,0 +1,99 @@
+// Step 4: what each target looks like.
+
+import { ask } from "../connection.js";
+import { button, choice, el } from "../elements.js";
+import { drawOutline, drawText } from "../picture.js";
+
+let isMarked = false;
+let asked = null;
+
+/** Asks for what has the colours of the target in the frame that is shown. */
+async function mark(app) {
+  const target = app.state.targets.find(({ name }) => name === app.target);
+  if (!isMarked || !target?.samples.length || !app.camera) return;
+  const key = JSON.stringify([app.camera, target, app.images.get(app.camera)?.about.index]);
+  if (key === asked) return;
+  asked = key;
+  try {
+    await ask("marked", { camera: app.camera, target: target.name });
+  } catch (error) {
+    asked = null;
+    app.say(error.message, true);
+  }
+}
+
+function label(app, what) {
+  app.change("label", { camera: app.camera, target: app.target, ...what }).then((answer) => answer && mark(app));
+}
+
+export const colors = {
+  id: "colors",
+  title: "Colours",
+  isBegun: ({ state }) => state.targets.some(({ samples }) => samples.length > 0),
+  isDone: ({ state }) => state.targets.length > 0 && state.targets.every((target) => target.has_colors),
+  enter: (app) => mark(app),
+  hint: (app) => {
+    const target = app.state.targets.find(({ name }) => name === app.target);
+    if (!app.camera) return "Add a camera first.";
+    if (!target) return "Give the object a name first.";
+    if (!target.samples.length) return target.has_colors ? "The colours are known." : `Click ${target.name} in the picture, or drag a box around it.`;
+    return "The white line is the outline that was found. Go to frames with other light or distance, and click there, too: three or four are enough.";
+  },
+  picture: (app, name) => ({
+    help: "Arrows move a cross, Enter points at the object, B begins and ends a box.",
+    point: app.target && ((at_px) => label(app, { at_px })),
+    box: app.target && ((box_px) => label(app, { box_px })),
+    draw: (context, px, about) => {
+      const target = app.state.targets.find((one) => one.name === app.target);
+      for (const sample of target?.samples ?? []) {
+        if (sample.camera === name && sample.frame === about.index) {
+          drawOutline(context, px, sample.outline_px);
+          const [u, v] = sample.outline_px.reduce((a, b) => (a[1] < b[1] ? a : b));
+          drawText(context, px, target.name, [u, v - 10 * px]);
+        }
+      }
+    },
+  }),
+  pictureKey: (app) => app.target,
+  seen: (app, topic) => topic === `image/${app.camera}` && mark(app),
+  imageOf: (app, name) => {
+    const marked = app.images.get("marked");
+    const shown = app.images.get(name);
+    const target = app.state.targets.find((one) => one.name === app.target);
+    return isMarked && target?.samples.length && marked && shown && marked.about.index === shown.about.index ? marked : null;
+  },
+
+  render(app) {
+    const { targets } = app.state;
+    const name = el("input", { type: "text", id: "new-target", value: targets.length ? "" : "ball", spellcheck: "false" });
+    const add = el(
+      "form",
+      { class: "row", onsubmit: (event) => { event.preventDefault(); app.change("add_target", { name: name.value.trim() }).then((answer) => answer && app.select("target", name.value.trim())); } },
+      el("label", { class: "field" }, el("span", {}, targets.length ? "Another object" : "Name of the object"), name),
+      el("button", { type: "submit", id: "add-target" }, "Add"),
+    );
+    const target = targets.find((one) => one.name === app.target);
+    if (!target) return [add];
+    const samples = target.samples.map(({ camera, frame }, number) =>
+      el(
+        "li",
+        {},
+        button(`${camera}, frame ${frame + 1}`, () => { app.select("camera", camera); ask("show", { camera, frame, is_playing: false }); }, { class: "entry" }),
+        button("Remove", () => app.change("unlabel", { target: target.name, number }), { "aria-label": `Remove the label of frame ${frame + 1}` }),
+      ),
+    );
+    const about = app.images.get("marked")?.about;
+    const toggle = el("input", {
+      type: "checkbox", id: "marked", checked: isMarked, disabled: !samples.length,
+      onchange: (event) => { isMarked = event.target.checked; asked = null; mark(app); app.render(); },
+    });
+    return [
+      targets.length > 1 && el("label", { class: "field" }, el("span", {}, "Object"), choice(targets.map((one) => [one.name, one.name]), app.target, (name) => app.select("target", name), { id: "target" })),
+      samples.length > 0 && [el("h3", {}, `Labels of ${target.name}`), el("ul", { class: "rows", id: "labels" }, samples)],
+      samples.length > 0 && el("label", { class: "check" }, toggle, "Show everything that has these colours"),
+      isMarked && about && el("p", { class: "now", id: "share" }, `${(100 * about.share).toFixed(2)} % of this image. Of the labelled object ${Math.round(100 * about.found)} % is found; of the rest ${(100 * about.mistaken).toFixed(2)} % is mistaken for it.`),
+      about?.failed.length > 0 && isMarked && el("p", { class: "bad" }, `Not found again in ${about.failed.length} of the labelled frames: check the outlines there.`),
+      targets.length > 0 && el("details", {}, el("summary", {}, "Another object"), add),
+    ];
+  },
+};

@@ -1,0 +1,146 @@
+// Step 6: the run.
+
+import { ask } from "../connection.js";
+import { button, el, fixed } from "../elements.js";
+import { drawMarks } from "../picture.js";
+
+/** How often rows are fetched while the viewer is shown. */
+const FETCH_MS = 200;
+
+/** Whether the viewer is shown in place of the pictures; it, and the number of the next row. */
+let isViewer = false;
+let viewer = null;
+let next = 0;
+let fetching = null;
+
+/** Shows the viewer with the rows so far, and keeps fetching those that come. */
+async function openViewer(app, host) {
+  closeViewer();
+  const { Viewer } = await import("pardalis/viewer.js");
+  if (!host.isConnected) return;
+  viewer = new Viewer(host);
+  const scene = app.latest.get("scene");
+  if (scene) viewer.setScene(scene);
+  next = 0;
+  fetching = setTimeout(fetchRows, 0, app, viewer);
+}
+
+async function fetchRows(app, shown) {
+  let pause_ms = FETCH_MS;
+  try {
+    const rows = await ask("rows", { from: next });
+    if (shown !== viewer) return;
+    if (rows.next > next || rows.first > next) {
+      viewer.append(rows.targets);
+      // More may be waiting.
+      pause_ms = 0;
+    }
+    next = rows.next;
+  } catch {
+    // The page says that the program does not answer.
+    pause_ms = 2000;
+  }
+  if (shown === viewer) fetching = setTimeout(fetchRows, pause_ms || 20, app, shown);
+}
+
+function closeViewer() {
+  clearTimeout(fetching);
+  viewer?.dispose();
+  viewer = null;
+}
+
+const COLORS = { tracking: "good", occluded: "fair", lost: "bad", searching: "fair" };
+
+function targetRow({ name, state, confidence, position_m: at, sigma_m: sigma }) {
+  const meter = el("meter", { min: 0, max: 1, low: 0.3, high: 0.7, optimum: 1, value: confidence, "aria-label": "Confidence" });
+  const axes = ["x", "y", "z"].map((axis, i) => el("tr", {}, el("th", { scope: "row" }, axis), el("td", {}, fixed(at?.[i], 3)), el("td", {}, sigma ? `± ${fixed(1000 * sigma[i], 0)} mm` : "")));
+  return el(
+    "section",
+    { class: "target", "data-target": name },
+    el("h3", {}, name, " ", el("span", { class: `state ${COLORS[state] ?? ""}` }, state)),
+    el("p", { class: "confidence" }, meter, ` ${Math.round(100 * confidence)} % certain`),
+    el("table", {}, axes),
+  );
+}
+
+function histogram({ limits, counts }) {
+  const most = Math.max(...counts, 1);
+  const total = counts.reduce((sum, count) => sum + count, 0);
+  let [sum, half] = [0, 0];
+  counts.forEach((count, i) => {
+    if (sum < total / 2) half = limits[i] ?? limits.at(-1);
+    sum += count;
+  });
+  const bars = counts.map((count, i) => {
+    const bar = el("span", { title: `${limits[i] === undefined ? `above ${limits.at(-1)}` : `up to ${limits[i]}`} ms: ${count}` });
+    bar.style.height = `${(100 * count) / most}%`;
+    return bar;
+  });
+  return [el("h3", {}, "Time per frame"), el("div", { class: "histogram", role: "img", "aria-label": `Half of the frames took up to ${half} ms` }, bars), el("p", { class: "axis" }, el("span", {}, `${limits[0]} ms`), el("span", {}, `half up to ${half} ms`), el("span", {}, `${limits.at(-1)} ms`))];
+}
+
+export const track = {
+  id: "track",
+  title: "Track",
+  showsAll: true,
+  isBegun: ({ state }) => state.targets.length > 0 && state.cameras.length > 0,
+  isDone: ({ state }) => Boolean(state.run && !state.run.goes_on && !state.run.error),
+  hint: ({ state }) => (state.run?.goes_on || state.watched ? "The white line is the best fit, the dots are hypotheses." : "Everything set? Start, and see whether the outlines stay on the object."),
+  picture: (app) => ({ draw: (context, px, about) => about.marks && drawMarks(context, px, about) }),
+  imageOf: (app, name) => {
+    const image = app.state.run && app.images.get(`run/${name}`);
+    return image && { ...image, isOfRun: true };
+  },
+  pictureKey: () => isViewer,
+  hidesPictures: () => isViewer,
+  above: (app) => {
+    const tab = (is, text, id) => button(text, () => { isViewer = is; app.render(); }, { id, "aria-pressed": String(isViewer === is), disabled: is && !app.state.run });
+    return el("div", { class: "tabs" }, tab(false, "Pictures", "show-pictures"), tab(true, "3D and plots", "show-viewer"));
+  },
+  below: (app) => {
+    closeViewer();
+    if (!isViewer) return null;
+    const host = el("div", { id: "viewer" });
+    // Once it is part of the page.
+    setTimeout(openViewer, 0, app, host);
+    return host;
+  },
+  leave: closeViewer,
+  told: (app, topic, value) => {
+    if (topic === "track") updateNow(app);
+    if (topic === "scene" && viewer) {
+      // Another run.
+      viewer.setTracks({});
+      viewer.setScene(value);
+      next = 0;
+    }
+  },
+
+  render(app) {
+    const { run, watched } = app.state;
+    const goes = run?.goes_on;
+    return [
+      !watched && el(
+        "p",
+        { class: "row" },
+        goes
+          ? button("Stop", () => app.change("stop"), { id: "stop", class: "primary" })
+          : button(run ? "Track again" : "Track", () => app.change("track"), { id: "start", class: "primary" }),
+        !app.state.is_saved && button("Save the scene", () => app.change("save").then((answer) => answer && app.say("Saved.")), { id: "save-here" }),
+      ),
+      el("div", { id: "now" }, nowOf(app)),
+      run?.error && el("p", { class: "bad", id: "run-error" }, run.error),
+      run?.report && el("details", { open: true }, el("summary", {}, "Report"), el("pre", { id: "report" }, run.report)),
+    ];
+  },
+};
+
+function nowOf(app) {
+  const now = app.latest.get("track");
+  if (!app.state.run || !now) return [];
+  return [el("p", { class: "time" }, `Frame ${now.frame + 1}, ${fixed(now.time_s, 2)} s`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
+}
+
+function updateNow(app) {
+  document.getElementById("now")?.replaceChildren(...nowOf(app).flat(9));
+}
