@@ -368,7 +368,7 @@ impl Tracker {
             let target = targets.find(|target| target.bodies.contains(&number));
             if let Some(crowd) = target.and_then(|target| target.crowd.as_mut()) {
                 crowd.lend_search(&mut self.bodies, number);
-                self.bodies[number].claim(&instant);
+                self.bodies[number].claim_predicted(&instant);
             }
         }
         let mut is_complete = false;
@@ -394,7 +394,7 @@ impl Tracker {
             let (updated, predicted) = others.around(order);
             let look_alikes = LookAlikes {
                 detected: &|number| others.get(number)?.detected(),
-                boxed: &|number| others.get(number)?.boxed(),
+                claim: &|body, number| others.get(body).map_or(0.0, |other| other.claim(number)),
                 updated,
                 predicted,
             };
@@ -490,7 +490,7 @@ impl Tracker {
             let (updated, predicted) = others.around(group.expect("every body belongs to a group"));
             let look_alikes = LookAlikes {
                 detected: &|number| others.get(number)?.detected(),
-                boxed: &|number| others.get(number)?.boxed(),
+                claim: &|body, number| others.get(body).map_or(0.0, |other| other.claim(number)),
                 updated,
                 predicted,
             };

@@ -183,16 +183,16 @@ impl TargetTracker {
         }
     }
 
-    /// Returns the target if another program detects it.
-    pub(super) fn boxed(&self) -> Option<&BoxedTarget> {
+    /// Returns what it claims of the box with this number, as a ratio to clutter.
+    pub(super) fn claim(&self, number: usize) -> f64 {
         match self {
-            Self::Boxed(target) => Some(target),
-            Self::Detected(_) | Self::Initialized(_) => None,
+            Self::Boxed(target) => target.claim(number),
+            Self::Detected(_) | Self::Initialized(_) => 0.0,
         }
     }
 
     /// Notes what it claims of an instant's boxes before any of those that look like it is updated.
-    pub(super) fn claim(&mut self, instant: &Instant) {
+    pub(super) fn claim_predicted(&mut self, instant: &Instant) {
         if let Self::Boxed(target) = self {
             target.claim_predicted(instant);
         }

@@ -7,14 +7,13 @@ use nalgebra::Matrix3;
 
 use super::DetectedTarget;
 use crate::shape::Stance;
-use crate::tracker::boxed::BoxedTarget;
 
 /// The other targets that look like one, in the order in which they look at frames.
 pub(in crate::tracker) struct LookAlikes<'a> {
     /// The detected body of this number; `None` for an initialised one.
     pub(in crate::tracker) detected: &'a dyn Fn(usize) -> Option<&'a DetectedTarget>,
-    /// The boxed body of this number; `None` for others.
-    pub(in crate::tracker) boxed: &'a dyn Fn(usize) -> Option<&'a BoxedTarget>,
+    /// What the body of the first number claims of the box of the second, as a ratio to clutter; 0 unless boxes are its own.
+    pub(in crate::tracker) claim: &'a dyn Fn(usize, usize) -> f64,
     /// The numbers of those that have been updated with this instant's frames.
     pub(in crate::tracker) updated: &'a [usize],
     /// The numbers of those that are only predicted.
@@ -58,8 +57,10 @@ impl<'a> LookAlikes<'a> {
     /// The sum of what updated and what predicted ones claim of the box with this number, as ratios to clutter.
     pub(in crate::tracker) fn claims(&self, number: usize) -> [f64; 2] {
         [self.updated, self.predicted].map(|numbers| {
-            let others = numbers.iter().filter_map(|&other| (self.boxed)(other));
-            others.map(|other| other.claim(number)).sum()
+            numbers
+                .iter()
+                .map(|&other| (self.claim)(other, number))
+                .sum()
         })
     }
 }
