@@ -140,6 +140,7 @@ pub(crate) struct Instant<'a> {
     /// Each target, and each member of a crowd that is there.
     pub(crate) tracked: &'a [Tracked],
     /// How long tracking took, in seconds.
+    #[cfg(feature = "studio")]
     pub(crate) tracking_s: f64,
 }
 
@@ -579,6 +580,7 @@ fn track(
             frames: &set.frames,
             tracker: &open.tracker,
             tracked: &tracked,
+            #[cfg(feature = "studio")]
             tracking_s,
         };
         let failed_before = failures.len();
