@@ -125,12 +125,10 @@ fn boxes_of_a_file_are_tracked() {
 #[test]
 fn files_of_coco_are_tracked() {
     let place = Workplace::with_frames(FRAMES);
-    let csv: String = "frame,left_px,top_px,right_px,bottom_px\n".to_owned()
-        + &boxes()
-            .iter()
-            .enumerate()
-            .map(|(frame, [u0, v0, u1, v1])| format!("{frame},{u0},{v0},{u1},{v1}\n"))
-            .collect::<String>();
+    let mut csv = "frame,left_px,top_px,right_px,bottom_px\n".to_owned();
+    for (frame, [u0, v0, u1, v1]) in boxes().into_iter().enumerate() {
+        let _ = writeln!(csv, "{frame},{u0},{v0},{u1},{v1}");
+    }
     place.write("boxes.csv", csv);
     place.track(scene()).fine();
     let wanted = place.rows();

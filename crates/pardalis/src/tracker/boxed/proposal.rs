@@ -64,7 +64,9 @@ impl BoxedTarget {
     /// Notes what the body claims of each box: by the same likelihood as that of the update, so that what speaks for one member speaks for no other.
     pub(super) fn claim_boxes(&mut self, views: &[View]) {
         let Buffers { sights, .. } = &mut self.buffers;
-        sights.iter_mut().for_each(|sight| sight.assign(0.0));
+        for sight in sights.iter_mut() {
+            sight.assign(0.0);
+        }
         self.claims.clear();
         self.claims.resize(sights.len(), 0.0);
         let particles = self.filter.particles();
