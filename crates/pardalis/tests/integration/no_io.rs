@@ -88,8 +88,14 @@ fn libraries_use_no_files_clocks_threads_or_console() {
     assert!(files.len() > 100, "only {} source files found", files.len());
     let mut problems = Vec::new();
     for file in files {
+        // The viewer is a page, compiled into the program.
+        let is_page = file
+            .components()
+            .any(|part| part.as_os_str() == "pardalis-viewer");
         for (line, name) in found(&fs::read_to_string(&file).unwrap()) {
-            problems.push(format!("{}:{line}: {name}", file.display()));
+            if !(is_page && name.starts_with("include_")) {
+                problems.push(format!("{}:{line}: {name}", file.display()));
+            }
         }
     }
     assert!(problems.is_empty(), "{}", problems.join("\n"));
