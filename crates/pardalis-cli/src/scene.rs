@@ -407,7 +407,7 @@ impl Parts {
     }
 }
 
-/// Returns what is known of the images of a camera.
+/// Describes the images of a camera for its file of detections.
 fn images_of(source: &Source, folder: &Path, input: &Input) -> Result<Images> {
     let names = match input {
         Input::Images { folder: images, .. } => Some(image_names(&resolve(folder, &images.value))?),

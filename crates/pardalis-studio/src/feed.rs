@@ -57,7 +57,7 @@ impl Feed {
         });
     }
 
-    /// Shows an image, the bytes of a file, in place of the last one of its topic. `about` is told with it.
+    /// Shows an image, the bytes of a file, in place of the last one of its topic. `about` is sent with it.
     pub fn show_image(&self, topic: &str, about: &Value, image: &[u8]) {
         self.push(topic, |sequence| {
             let head = json!({ "topic": topic, "sequence": sequence, "value": about }).to_string();

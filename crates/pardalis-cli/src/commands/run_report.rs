@@ -1,4 +1,4 @@
-//! What is said of a finished run: a summary, and warnings.
+//! The report of a finished run: its summary and warnings.
 
 use pardalis::TargetId;
 

@@ -243,6 +243,9 @@ fn simulated() -> TempDir {
         "shutter_s = 0.02",
         "shutter_s = 0.004\ninstants = 2\nsamples = 1",
     );
+    // A board of 7 x 5 inner corners on the floor.
+    world += "\n[objects.board]\nshape.box = { size_m = [0.32, 0.24, 0.01] }\npath.still.position_m = [0.4, 0.6, 0]\n\
+        texture.checker = { size_m = 0.04, colors_srgb = [[20, 20, 20], [235, 235, 235]] }\n";
     let folder = folder(&[("world.toml", world)]);
     Run::pardalis(&folder, &["simulate", "world.toml", "-o", "ring"]).fine();
     let text = fs::read_to_string(folder.path().join("ring/scene.toml")).unwrap();
@@ -325,6 +328,7 @@ fn a_simulated_ring_is_calibrated_with_its_clocks() {
         before,
         fs::read(folder.path().join("rig/rig.toml")).unwrap()
     );
+    check_board(&folder, &wanted);
     // A scene that has them needs no further correction.
     let again = ["calibrate", "rig", "ring/new.toml", "-o", "again"];
     let run = Run::pardalis(&folder, &again).fine();
@@ -333,6 +337,35 @@ fn a_simulated_ring_is_calibrated_with_its_clocks() {
     for line in table.lines().skip(1) {
         let offset_s: f64 = line.split(',').nth(10).unwrap().parse().unwrap();
         assert!(offset_s.abs() < 1e-4, "{line}");
+    }
+}
+
+/// Calibrates the simulated ring in the world of the board, and compares it with the true poses.
+fn check_board(folder: &TempDir, wanted: &[IsometryMatrix3<f64>]) {
+    let board = "checkerboard:7x5:0.04";
+    let arguments = [
+        "calibrate",
+        "rig",
+        "ring/scene.toml",
+        "-o",
+        "on-board",
+        "--board",
+        board,
+    ];
+    let run = Run::pardalis(folder, &arguments).fine();
+    println!("{}", run.stdout);
+    let found = poses(&folder.path().join("on-board/rig.toml"));
+    assert_eq!(found.len(), 4);
+    for (wanted, found) in wanted.iter().zip(&found) {
+        let world_from_board = wanted * found.inverse();
+        let tilt_deg = (world_from_board * Vector3::z())
+            .angle(&Vector3::z())
+            .to_degrees();
+        // The first corner is one of the outermost four, 0.12 and 0.08 m from the middle, on top of the board.
+        let origin = world_from_board.translation.vector - Vector3::new(0.4, 0.6, 0.01);
+        let off_m = (origin.abs() - Vector3::new(0.12, 0.08, 0.0)).norm();
+        println!("{tilt_deg:.3} degrees, {:.2} mm", 1e3 * off_m);
+        assert!(tilt_deg < 0.5 && off_m < 0.005, "{tilt_deg} {off_m}");
     }
 }
 

@@ -19,7 +19,7 @@ use crate::timing::{Stopwatch, now_s};
 const INTERVAL_S: f64 = 0.04;
 /// Encoding pictures takes at most this share of the time.
 const MAX_ENCODING: f64 = 0.5;
-/// How often statistics are told, in seconds.
+/// The interval between statistics, in seconds.
 const TOLD_S: f64 = 0.5;
 /// The longest wait between two recorded frames, in seconds.
 const MAX_PAUSE_S: f64 = 1.0;
@@ -130,7 +130,7 @@ impl Player {
         self.shared.seen().shown.clone()
     }
 
-    /// Returns what is known of the source.
+    /// Describes the source.
     pub(super) fn about(&self) -> Value {
         let seen = self.shared.seen();
         json!({

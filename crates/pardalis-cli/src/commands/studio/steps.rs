@@ -339,7 +339,7 @@ impl Inner {
             .filter(|lens| !matches!(lens, Camera::Plane(_)))
     }
 
-    /// Returns what is known of the images of a camera.
+    /// Describes the images of a camera for `init`'s guesses.
     fn opened(&self, camera: &str) -> Result<Opened> {
         let size = self.player(camera)?.size_px().ok_or_else(|| {
             user_error!("cameras.{camera}: has no picture yet; wait for it, or see the problems of the step Sources")

@@ -61,7 +61,7 @@ impl BoxedTarget {
         }
     }
 
-    /// Notes what the body claims of each box: by the same likelihood as that of the update, so that what speaks for one member speaks for no other.
+    /// Notes what the body claims of each box: the mean over its particles of the density of the box's sides, as in the update, so that what speaks for one member speaks for no other.
     pub(super) fn claim_boxes(&mut self, views: &[View]) {
         let Buffers { sights, .. } = &mut self.buffers;
         for sight in sights.iter_mut() {
@@ -74,6 +74,10 @@ impl BoxedTarget {
         let stride = (particles.count() / CLAIMING_PARTICLES).max(1);
         let all = self.filter.weights().iter().enumerate().step_by(stride);
         let total: f64 = all.clone().map(|(_, weight)| weight).sum();
+        // Nobody, or all weight on particles that are left out.
+        if total <= 0.0 {
+            return;
+        }
         for (i, weight) in all {
             let position_m = [x[i], y[i], z[i]].map(f64::from);
             let share =

@@ -30,7 +30,7 @@ pub(super) struct Ball {
     pub(super) tolerance: f64,
 }
 
-/// What is known of the world.
+/// How the world frame is defined.
 pub(super) enum Alignment {
     /// What the scene says.
     Scene,

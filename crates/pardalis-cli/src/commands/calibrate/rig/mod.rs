@@ -202,8 +202,7 @@ fn ball(path: &Path, scene: &Scene, number: usize) -> Result<Ball> {
     }
 }
 
-/// Returns the settings with which a single camera whose pose is unknown detects the ball: nothing is known of where it can be in the
-/// world.
+/// Returns the settings for detecting the ball with a single camera whose pose is unknown: the ball may be anywhere.
 fn ball_settings(body: &BodyConfig, colors: pardalis::color::ColorModel) -> DetectedSettings {
     let mut settings = settings(body, &colors);
     settings.motion = ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into();
