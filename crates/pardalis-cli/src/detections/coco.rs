@@ -7,8 +7,9 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis::tracker::ImageBox;
 use serde::Deserialize;
+use serde_json::Value;
 
-use super::{Found, Place};
+use super::{Found, Images, Place};
 use crate::output::Shown;
 use crate::source::images::trailing_number;
 use crate::user_error::user_error;
@@ -17,14 +18,14 @@ use crate::user_error::user_error;
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum File {
-    Results(Vec<Annotation>),
+    Results(Vec<Value>),
     DataSet(DataSet),
 }
 
 #[derive(Deserialize)]
 struct DataSet {
     images: Vec<Image>,
-    annotations: Vec<Annotation>,
+    annotations: Vec<Value>,
     #[serde(default)]
     categories: Vec<Category>,
 }
@@ -33,6 +34,8 @@ struct DataSet {
 struct Image {
     id: Id,
     file_name: String,
+    width: Option<f64>,
+    height: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -54,7 +57,7 @@ struct Annotation {
 
 /// A number, or the name of an image without its ending.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a number from 0 on, or a name")]
 enum Id {
     Number(u64),
     Name(String),
@@ -69,8 +72,8 @@ impl fmt::Display for Id {
     }
 }
 
-/// Returns the boxes in the text of a file. `images` are the names of the camera's images, from the first one on; a video has none.
-pub(crate) fn boxes_in(path: &Path, text: &[u8], images: Option<&[String]>) -> Result<Vec<Found>> {
+/// Returns the boxes in the text of a file that belongs to these images.
+pub(crate) fn boxes_in(path: &Path, text: &[u8], images: &Images) -> Result<Vec<Found>> {
     let name = path.shown();
     let file = serde_json::from_slice(text);
     let file = file.map_err(|error| {
@@ -79,61 +82,107 @@ pub(crate) fn boxes_in(path: &Path, text: &[u8], images: Option<&[String]>) -> R
                 "{name}: is not in the format of COCO; needed: a list of results with image_id, category_id, bbox and score, or an object with images, annotations and categories"
             )
         } else {
-            user_error!("{name}: is not JSON: {error}")
+            user_error!("{name}: is not JSON: {error}; write the file again, whole")
         }
     })?;
-    let frames = Frames::of(images);
-    let (annotations, names, categories) = match file {
-        File::Results(results) => (results, None, HashMap::new()),
+    let frames = Frames::of(images.names.as_deref());
+    let (annotations, set) = match file {
+        File::Results(results) => (results, None),
         File::DataSet(set) => {
-            let names = set.images.into_iter().map(|one| (one.id, one.file_name));
+            let images = set.images.into_iter().map(|one| (one.id.clone(), one));
             let categories = set.categories.into_iter().map(|one| (one.id, one.name));
-            (
-                set.annotations,
-                Some(names.collect::<HashMap<Id, String>>()),
-                categories.collect(),
-            )
+            let named = (images.collect(), categories.collect());
+            (set.annotations, Some(named))
         }
     };
-    let found = |(number, one): (usize, Annotation)| {
+    let found = annotations.into_iter().enumerate().map(|(number, value)| {
         let entry = number as u64 + 1;
-        let failed = |problem: String| user_error!("{name}, entry {entry}: {problem}");
-        let frame = match &names {
-            None => frames.with_id(&one.image_id),
-            Some(names) => match names.get(&one.image_id) {
-                Some(image) => frames.with_name(image),
-                None => Err(format!(
-                    "there is no image with the id {}; add it to images",
-                    one.image_id
-                )),
-            },
-        };
-        let [left, top, width, height] = one.bbox;
-        let [left, top] = [left, top].map(|first| first - 0.5);
-        let found = ImageBox::new([left, top, left + width, top + height]);
-        let found = found.and_then(|found| match one.score {
-            Some(score) => found.with_score(score),
-            None => Ok(found),
-        });
-        let named = |id: i64| {
-            categories
-                .get(&id)
-                .cloned()
-                .unwrap_or_else(|| id.to_string())
-        };
-        Ok(Found {
-            frame: frame.map_err(failed)?,
-            class: one.category_name.or(one.category_id.map(named)),
-            found: found.map_err(|error| failed(error.to_string()))?,
-            place: Place::Entry(entry),
-        })
-    };
-    let found: Result<Vec<Found>> = annotations.into_iter().enumerate().map(found).collect();
-    let found = found?;
+        let list = if set.is_some() { " of annotations" } else { "" };
+        found_in(value, &frames, images.size_px, set.as_ref())
+            .map(|(frame, class, found)| Found {
+                frame,
+                class,
+                found,
+                place: Place::Entry(entry),
+            })
+            .map_err(|problem| user_error!("{name}, entry {entry}{list}: {problem}"))
+    });
+    let found = found.collect::<Result<Vec<Found>>>()?;
     if found.is_empty() {
-        return Err(user_error!("{name}: has no boxes"));
+        return Err(user_error!(
+            "{name}: has no boxes; run the detector again, or remove detections from the scene"
+        ));
     }
     Ok(found)
+}
+
+/// The images and the categories of a data set.
+type Named = (HashMap<Id, Image>, HashMap<i64, String>);
+
+/// Returns frame, class and box of an entry, whose images have this size in pixels.
+fn found_in(
+    value: Value,
+    frames: &Frames,
+    size_px: (usize, usize),
+    set: Option<&Named>,
+) -> Result<(usize, Option<String>, ImageBox), String> {
+    let one: Annotation = serde_json::from_value(value).map_err(|error| {
+        format!("{error}; needed: image_id, bbox = [left, top, width, height] and perhaps category_id and score")
+    })?;
+    let frame = match set {
+        None => frames.with_id(&one.image_id)?,
+        Some((images, _)) => {
+            let image = images.get(&one.image_id).ok_or_else(|| {
+                format!(
+                    "there is no image with the id {}; add it to images",
+                    one.image_id
+                )
+            })?;
+            image.check_size(size_px)?;
+            frames.with_name(&image.file_name)?
+        }
+    };
+    let class = match (one.category_name, one.category_id, set) {
+        (Some(name), ..) => Some(name),
+        (None, Some(id), Some((_, names))) if !names.is_empty() => {
+            let name = names.get(&id).cloned();
+            Some(name.ok_or_else(|| {
+                format!("category_id is {id}, which is not in categories; add it there")
+            })?)
+        }
+        (None, id, _) => id.map(|id| id.to_string()),
+    };
+    let [left, top, width, height] = one.bbox;
+    for (side, what) in [(width, "width"), (height, "height")] {
+        if side <= 0.0 {
+            return Err(format!("bbox: its {what} is {side}; allowed: above 0"));
+        }
+    }
+    let [left, top] = [left, top].map(|first| first - 0.5);
+    let found = ImageBox::new([left, top, left + width, top + height]);
+    let found = found.and_then(|found| match one.score {
+        Some(score) => found.with_score(score),
+        None => Ok(found),
+    });
+    Ok((frame, class, found.map_err(|error| error.to_string())?))
+}
+
+impl Image {
+    /// Fails if it states another size in pixels than the camera's images have.
+    fn check_size(&self, (width, height): (usize, usize)) -> Result<(), String> {
+        let is_other = |stated: Option<f64>, side: usize| stated.is_some_and(|v| v != side as f64);
+        if is_other(self.width, width) || is_other(self.height, height) {
+            let shown =
+                |stated: Option<f64>| stated.map_or_else(|| "?".to_owned(), |v| v.to_string());
+            return Err(format!(
+                "the image {:?} has {} x {} pixels there, and {width} x {height} in the scene; give boxes in pixels of the scene's images",
+                self.file_name,
+                shown(self.width),
+                shown(self.height)
+            ));
+        }
+        Ok(())
+    }
 }
 
 /// The numbers of a camera's images.
@@ -175,7 +224,7 @@ impl<'a> Frames<'a> {
         };
         frame.ok_or_else(|| {
             format!(
-                "image_id is {id}, and no image of the camera has this name or ends in this number"
+                "image_id is {id}, and no image of the camera has this name or ends in this number; are the boxes of other images, or do they count from another number?"
             )
         })
     }
@@ -189,7 +238,9 @@ impl<'a> Frames<'a> {
         };
         let last = name.rsplit(['/', '\\']).next().unwrap_or(name);
         let frame = names.get(last).copied();
-        frame.ok_or_else(|| format!("is of the image {name:?}, which the camera does not have"))
+        frame.ok_or_else(|| {
+            format!("is of the image {name:?}, which the camera does not have; keep the boxes of its own images only")
+        })
     }
 }
 
@@ -203,9 +254,13 @@ mod tests {
     use super::*;
 
     fn boxes(text: &str, images: Option<&[&str]>) -> Result<Vec<Found>> {
-        let images: Option<Vec<String>> =
-            images.map(|names| names.iter().map(|&name| name.to_owned()).collect());
-        boxes_in(Path::new("boxes.json"), text.as_bytes(), images.as_deref())
+        let names = images.map(|names| names.iter().map(|&name| name.to_owned()).collect());
+        let images = Images {
+            size_px: (640, 480),
+            count: None,
+            names,
+        };
+        boxes_in(Path::new("boxes.json"), text.as_bytes(), &images)
     }
 
     const IMAGES: [&str; 3] = ["clip_000041.jpg", "clip_000042.jpg", "7.png"];
@@ -249,13 +304,13 @@ mod tests {
     fn data_sets_have_names_of_images_and_categories() {
         let set = |name: &str| {
             format!(
-                r#"{{"images":[{{"id":9,"file_name":{name:?}}}],"categories":[{{"id":37,"name":"sports ball"}}],
-                "annotations":[{{"image_id":9,"category_id":37,"bbox":[0,0,2,2],"segmentation":[[0,0,1,1]]}},{{"image_id":9,"category_id":1,"bbox":[0,0,2,2]}}]}}"#
+                r#"{{"images":[{{"id":9,"file_name":{name:?},"width":640,"height":480}}],"categories":[{{"id":37,"name":"sports ball"}}],
+                "annotations":[{{"image_id":9,"category_id":37,"bbox":[0,0,2,2],"segmentation":[[0,0,1,1]]}},{{"image_id":9,"bbox":[0,0,2,2]}}]}}"#
             )
         };
         let found = boxes(&set("images/7.png"), Some(&IMAGES)).unwrap();
         let classes = [&found[0], &found[1]].map(|one| one.class.as_deref());
-        assert_eq!(classes, [Some("sports ball"), Some("1")]);
+        assert_eq!(classes, [Some("sports ball"), None]);
         assert_eq!((found[0].frame, found[0].found.score()), (2, None));
         for (text, images, problem) in [
             (
@@ -272,7 +327,22 @@ mod tests {
             (
                 set("7.png").replace("[0,0,2,2]", "[0,0,-2,2]"),
                 Some(&IMAGES[..]),
-                "boxes.json, entry 1: box",
+                "boxes.json, entry 1 of annotations: bbox: its width is -2; allowed: above 0",
+            ),
+            (
+                set("7.png").replace("[0,0,2,2]", "[0,0,2]"),
+                Some(&IMAGES[..]),
+                "entry 1 of annotations: invalid length 3, expected an array of length 4; needed: image_id, bbox",
+            ),
+            (
+                set("7.png").replace("\"category_id\":37", "\"category_id\":7"),
+                Some(&IMAGES[..]),
+                "category_id is 7, which is not in categories",
+            ),
+            (
+                set("7.png").replace("640", "320"),
+                Some(&IMAGES[..]),
+                "has 320 x 480 pixels there, and 640 x 480 in the scene",
             ),
             ("[]".to_owned(), None, "boxes.json: has no boxes"),
             ("{}".to_owned(), None, "is not in the format of COCO"),

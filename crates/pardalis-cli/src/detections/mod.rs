@@ -157,7 +157,7 @@ impl CameraDetections {
         images: &Images,
     ) -> Result<Self> {
         let all = if path.extension().is_some_and(|ending| ending == "json") {
-            coco::boxes_in(path, &read_json(path)?, images.names.as_deref())?
+            coco::boxes_in(path, &read_json(path)?, images)?
         } else {
             boxes_in(&Table::read_with_or_without_header(path, &MOT_COLUMNS)?)?
         };
@@ -179,7 +179,7 @@ impl CameraDetections {
         let outside = outside.count();
         if 4 * outside > all.len() {
             return Err(user_error!(
-                "{}: {outside} of {} boxes are outside of the images, which are {} x {} pixels; are they in pixels of resized images?",
+                "{}: {outside} of {} boxes are outside of the images, which are {} x {} pixels; are they in pixels of resized images, or in shares of the width and height?",
                 path.shown(),
                 all.len(),
                 size_px.0,
@@ -224,7 +224,7 @@ impl CameraDetections {
 }
 
 fn read_json(path: &Path) -> Result<Vec<u8>> {
-    let failed = |error| user_error!("{}: cannot be read: {error}", path.shown());
+    let failed = |error| user_error!("{}: cannot be read: {error}; check the name", path.shown());
     let length = fs::metadata(path).map_err(failed)?.len();
     if length > MAX_JSON_BYTES {
         return Err(user_error!(

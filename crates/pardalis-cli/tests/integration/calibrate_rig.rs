@@ -169,6 +169,26 @@ fn check_webcams(sequence: &str, places_m: &[[f64; 3]], in_world: f64) {
     let error_m = rms_m(&tracked(&folder, "new.toml", sequence));
     println!("{:.3} mm in the world", 1e3 * error_m);
     assert!(error_m < in_world * true_m, "{error_m} m");
+    assert!(
+        !run.stdout.contains("should show the point"),
+        "{}",
+        run.stdout
+    );
+    // One point is mistyped.
+    let text = points(sequence, places_m);
+    let row = text.lines().nth(2).unwrap();
+    let (before, v) = row.split_at(row.match_indices(',').nth(1).unwrap().0);
+    let (name, u) = before.split_once(',').unwrap();
+    let wrong = format!("{name},{:.1}{v}", u.parse::<f64>().unwrap() + 40.0);
+    fs::write(folder.path().join("wrong.csv"), text.replace(row, &wrong)).unwrap();
+    let arguments = ["calibrate", "rig", "scene.toml", "--points", "wrong.csv"];
+    let run = Run::pardalis(&folder, &arguments).fine();
+    let place_m: Vec<&str> = row.split(',').skip(3).collect();
+    let doubt = format!(
+        "wrong.csv: {name} should show the point {}",
+        place_m.join(", ")
+    );
+    assert!(run.stdout.contains(&doubt), "{}", run.stdout);
 }
 
 #[test]

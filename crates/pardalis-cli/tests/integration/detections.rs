@@ -330,7 +330,7 @@ fn files_that_do_not_suit_are_refused() {
         (header.to_owned(), "boxes.csv: has no rows"),
         (
             format!("{header}0,ball,1000,900,1040,940\n"),
-            "boxes.csv: 1 of 1 boxes are outside of the images, which are 640 x 480 pixels; are they in pixels of resized images?",
+            "boxes.csv: 1 of 1 boxes are outside of the images, which are 640 x 480 pixels; are they in pixels of resized images, or in shares of the width and height?",
         ),
     ] {
         place.write("boxes.csv", text);

@@ -48,8 +48,15 @@ fn serve(
                 "{address}: the page cannot be served there: {error}; choose another --port, or an address of this computer with --listen"
             )
         })?;
+    let elsewhere = if ip.is_unspecified() {
+        format!(
+            "; on another computer, with this one's number, such as 192.168.1.7, in place of {ip}"
+        )
+    } else {
+        String::new()
+    };
     note(format_args!(
-        "Open {} in a browser; Ctrl-C ends it.",
+        "Open {} in a browser{elsewhere}. Ctrl-C ends it.",
         server.address()
     ));
     Ok(server)

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
+use nalgebra::Point3;
 use pardalis_calibrate::board::{Board, detect};
 use pardalis_calibrate::{
     BallRigCalibration, Correspondence, RigAlignment, RigSight, align_to_places, align_to_points,
@@ -19,6 +20,9 @@ use crate::user_error::user_error;
 
 /// Number of frames of each camera that are searched for a board.
 const BOARD_FRAMES: usize = 10;
+
+/// A known point this far from where it should be in an image, in pixels, may be wrong. Hand-set: points are read by hand to a pixel or two.
+const FAR_PX: f64 = 3.0;
 
 /// Standard deviation of all lengths from errors that the outlines of the ball share, as a share of them.
 const OUTLINE_SIGMA: f64 = 0.005;
@@ -45,6 +49,8 @@ pub(super) struct World {
     pub(super) aligned: RigAlignment,
     /// What says where the world is.
     pub(super) because: String,
+    /// A known point that may be wrong, and why.
+    pub(super) doubt: Option<String>,
 }
 
 impl Alignment {
@@ -121,9 +127,10 @@ impl Alignment {
         found: &BallRigCalibration,
         ball: &Ball,
     ) -> Result<World> {
-        let of = |place: &str, aligned: RigAlignment, rms: String| World {
+        let of = |place: &str, aligned: RigAlignment, rms: String, doubt| World {
             aligned,
             because: format!("{place} says where the world is; {rms} remain (root mean square)"),
+            doubt,
         };
         let scale_sigma = libm::hypot(ball.tolerance, OUTLINE_SIGMA);
         match self {
@@ -139,15 +146,46 @@ impl Alignment {
                     .collect();
                 let aligned = align_to_points(&sights, scale_sigma)
                     .map_err(|refusal| user_error!("{place}: {refusal}"))?;
-                Ok(of(place, aligned, format!("{:.2} px", aligned.rms)))
+                let names = scene.cameras.iter().map(|camera| &*camera.name);
+                let doubt = farthest(names.zip(&sights), &aligned)
+                    .filter(|(off_px, _)| *off_px > FAR_PX)
+                    .map(|(_, what)| format!("{place}: {what}; check it, and the points near it"));
+                Ok(of(place, aligned, format!("{:.2} px", aligned.rms), doubt))
             }
             Self::Places(place, places) => {
                 let aligned = align_to_places(&found.path_m, ball.radius_m, places, scale_sigma)
                     .map_err(|refusal| user_error!("{place}: {refusal}"))?;
-                Ok(of(place, aligned, format!("{:.1} mm", 1e3 * aligned.rms)))
+                Ok(of(
+                    place,
+                    aligned,
+                    format!("{:.1} mm", 1e3 * aligned.rms),
+                    None,
+                ))
             }
         }
     }
+}
+
+/// Returns the known point that is farthest from where a camera should show it: by how many pixels, and which it is.
+fn farthest<'s>(
+    sights: impl Iterator<Item = (&'s str, &'s RigSight<'s>)>,
+    aligned: &RigAlignment,
+) -> Option<(f64, String)> {
+    let points = sights.flat_map(|(name, sight)| {
+        let camera_from_world = aligned.in_world(&sight.rig_from_camera).inverse();
+        sight.correspondences.iter().filter_map(move |known| {
+            let [u, v] = known.pixel;
+            let [x, y, z] = known.point_m;
+            let at = sight
+                .camera
+                .project((camera_from_world * Point3::new(x, y, z)).into())?;
+            let off_px = libm::hypot(at[0] - u, at[1] - v);
+            let what =
+                format!("{name} should show the point {x}, {y}, {z} {off_px:.1} px from {u}, {v}");
+            Some((off_px, what))
+        })
+    });
+    points.reduce(|farthest, next| if next.0 > farthest.0 { next } else { farthest })
 }
 
 /// Returns the world in which the first camera with a pose has it; without one, the frame of the first camera.
@@ -164,6 +202,7 @@ fn world_of_scene(scene: &Scene, found: &BallRigCalibration) -> World {
             because: format!(
                 "the frame of {name} is the world (x right, y down, z forward), because nothing says where else it is: give {name} a pose, or use --points or --board"
             ),
+            doubt: None,
         };
     };
     // The cameras' distances from their middle tell the scale.
@@ -185,6 +224,7 @@ fn world_of_scene(scene: &Scene, found: &BallRigCalibration) -> World {
             (posed.len() > 1).then(|| [given_m / found_m, 0.0]),
         ),
         because: format!("{} keeps the pose that it has in the scene", first.name),
+        doubt: None,
     }
 }
 

@@ -240,7 +240,7 @@ impl<'a> Report<'a> {
 
     /// Returns warnings on a successful calibration.
     fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
+        let mut warnings: Vec<String> = self.world.doubt.clone().into_iter().collect();
         for row in &self.cameras {
             let (name, of) = (&row.config.name, row.of);
             let (width, height) = row.size_px;
