@@ -257,6 +257,14 @@ pub(crate) fn summary(run: &Run) -> String {
         }
     }
     text += &camera_table(run);
+    if let Some(latency) = outcome.latency {
+        let [median, p99, max] =
+            [latency.median_s, latency.p99_s, latency.max_s].map(|s| format!("{:.1} ms", 1e3 * s));
+        let _ = writeln!(
+            text,
+            "latency: median {median}, 99 % below {p99}, at most {max}"
+        );
+    }
     for line in &run.sent {
         let _ = writeln!(text, "{line}");
     }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use pardalis::Frame;
 use serde::Serialize;
 
+use super::latency::CaptureClock;
 use super::merge::{FrameCounts, FrameSet, Limit, Merge};
 use crate::interrupt::Stop;
 use crate::source::{Delivery, Source};
@@ -54,6 +55,8 @@ pub(crate) struct FrameSets<'a> {
     /// Why each source failed.
     failures: Vec<Option<String>>,
     merge: Merge,
+    /// The clocks of live cameras.
+    clocks: Vec<CaptureClock>,
     /// Warnings that have not been printed yet.
     warnings: Vec<String>,
     stop: Stop,
@@ -75,6 +78,7 @@ impl<'a> FrameSets<'a> {
             next: sources.iter().map(|_| None).collect(),
             failures: vec![None; sources.len()],
             merge: Merge::new(sources.len(), max_delay_s, limit),
+            clocks: vec![CaptureClock::default(); sources.len()],
             warnings: Vec::new(),
             sources,
             names,
@@ -175,6 +179,15 @@ impl<'a> FrameSets<'a> {
         }
     }
 
+    /// Adds to a set of live cameras when it was captured.
+    fn with_capture(&self, mut set: FrameSet) -> FrameSet {
+        let frames = set.frames.iter();
+        let captured_s =
+            frames.filter_map(|(camera, frame)| self.clocks[*camera].captured_s(frame.time_s()));
+        set.captured_s = captured_s.reduce(f64::min);
+        set
+    }
+
     /// Returns the next set of live cameras without waiting for silent ones; `None` once all have ended or it is
     /// stopped.
     fn next_live(&mut self) -> Option<FrameSet> {
@@ -199,6 +212,7 @@ impl<'a> FrameSets<'a> {
             }
             arrived.sort_by(|a, b| a.2.total_cmp(&b.2));
             for (camera, frame, arrival_s) in arrived {
+                self.clocks[camera].take(frame.time_s(), arrival_s);
                 self.merge.take(camera, frame, arrival_s);
             }
             let all_ended = ended == self.sources.len();
@@ -206,7 +220,7 @@ impl<'a> FrameSets<'a> {
                 .merge
                 .next_set(if all_ended { f64::INFINITY } else { now_s });
             if set.is_some() || all_ended || self.is_over() {
-                return set;
+                return set.map(|set| self.with_capture(set));
             }
             std::thread::sleep(POLL);
         }

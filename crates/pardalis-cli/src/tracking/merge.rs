@@ -32,6 +32,8 @@ pub(crate) struct FrameSet {
     pub(crate) index: usize,
     /// The latest time stamp, in seconds; it increases from set to set.
     pub(crate) time_s: f64,
+    /// Of live cameras: when the first of the frames was captured, on the program's clock, in seconds.
+    pub(super) captured_s: Option<f64>,
     /// Each frame with its camera's index, in ascending order.
     pub(crate) frames: Vec<(usize, Frame)>,
     /// The number of each among all frames of its camera.
@@ -269,6 +271,7 @@ impl Merge {
                 self.set_count
             },
             time_s: first_s,
+            captured_s: None,
             frames: Vec::new(),
             numbers: Vec::new(),
             frozen: Vec::new(),

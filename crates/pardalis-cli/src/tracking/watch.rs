@@ -7,11 +7,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use anyhow::Result;
 use pardalis::{CameraId, Frame, Tracker};
 use pardalis_scene::Scene;
-use pardalis_studio::Feed;
+use pardalis_studio::{Feed, Lines};
 use serde_json::{Map, Value, json};
 
 use super::marks::Marker;
 use super::rows::{HEADER, write_row};
+use super::sender::open_line;
 use super::{Instant, Sink};
 use crate::draw::overlay::{Mark, Note, Shape};
 use crate::draw::picture::{jpeg_of, picture_of};
@@ -33,6 +34,8 @@ const HISTOGRAM_MS: [f64; 12] = [
 #[derive(Debug, Clone)]
 pub(crate) struct Watch {
     feed: Feed,
+    /// The estimates for other programs, see [`open_line`].
+    lines: Lines,
     rows: Arc<Mutex<RowsSoFar>>,
 }
 
@@ -45,10 +48,11 @@ struct RowsSoFar {
 }
 
 impl Watch {
-    /// Shows a run on the pages that watch the feed.
-    pub(crate) fn of(feed: &Feed) -> Self {
+    /// Shows a run on the pages that watch the feed, and to programs that read the lines.
+    pub(crate) fn of(feed: &Feed, lines: &Lines) -> Self {
         Self {
             feed: feed.clone(),
+            lines: lines.clone(),
             rows: Arc::default(),
         }
     }
@@ -129,6 +133,10 @@ impl Sink for WatchSink {
         let tracking_ms = 1e3 * instant.tracking_s;
         self.histogram[HISTOGRAM_MS.partition_point(|limit_ms| *limit_ms < tracking_ms)] += 1;
         let row_count = self.add_rows(instant);
+        if self.watch.lines.are_read() {
+            let line = open_line(instant, &self.marker.targets);
+            self.watch.lines.send(line);
+        }
         if !self.watch.feed.is_watched() {
             return Ok(());
         }
@@ -194,6 +202,7 @@ impl WatchSink {
         json!({
             "frame": instant.index,
             "time_s": instant.time_s,
+            "age_s": instant.captured_s.map(|captured_s| now_s() - captured_s),
             "rows": row_count,
             "targets": targets.collect::<Vec<_>>(),
             "tracking_ms": { "limits": HISTOGRAM_MS, "counts": self.histogram },
