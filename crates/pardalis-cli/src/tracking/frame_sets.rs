@@ -15,8 +15,8 @@ use crate::timing::now_s;
 /// Polling interval of live cameras.
 const POLL: Duration = Duration::from_millis(1);
 
-/// Number of frames that are taken from a live camera before others get their turn.
-const TAKEN_AT_ONCE: usize = 4;
+/// Number of frames that are taken from a live camera before others get their turn: where all are used, and where the oldest are dropped.
+const TAKEN_AT_ONCE: [usize; 2] = [4, 64];
 
 /// Number of broken images per camera that are reported by name; all are counted.
 const NAMED_BROKEN: usize = 3;
@@ -72,12 +72,19 @@ impl<'a> FrameSets<'a> {
         limit: Limit,
         stop: Stop,
     ) -> Self {
+        let is_live = sources.iter().any(Source::is_live);
+        let merge = Merge::new(sources.len(), max_delay_s, limit);
         Self {
             stop,
-            is_live: sources.iter().any(Source::is_live),
+            is_live,
             next: sources.iter().map(|_| None).collect(),
             failures: vec![None; sources.len()],
-            merge: Merge::new(sources.len(), max_delay_s, limit),
+            // One camera has no others to wait for, but perhaps frames in another order.
+            merge: if is_live && sources.len() > 1 {
+                merge.prompt()
+            } else {
+                merge
+            },
             clocks: vec![CaptureClock::default(); sources.len()],
             warnings: Vec::new(),
             sources,
@@ -196,10 +203,11 @@ impl<'a> FrameSets<'a> {
             let mut arrived = Vec::new();
             let mut ended = 0;
             for camera in 0..self.sources.len() {
-                if self.merge.has_backlog(camera, now_s) {
+                let keeps_up = self.sources[camera].keeps_up();
+                if !keeps_up && self.merge.has_backlog(camera, now_s) {
                     continue;
                 }
-                for _ in 0..TAKEN_AT_ONCE {
+                for _ in 0..TAKEN_AT_ONCE[usize::from(keeps_up)] {
                     match self.sources[camera].poll_next() {
                         Poll::Ready(Some(delivery)) => arrived.extend(self.sort(camera, delivery)),
                         Poll::Ready(None) => {
@@ -214,6 +222,11 @@ impl<'a> FrameSets<'a> {
             for (camera, frame, arrival_s) in arrived {
                 self.clocks[camera].take(frame.time_s(), arrival_s);
                 self.merge.take(camera, frame, arrival_s);
+            }
+            for (camera, source) in self.sources.iter().enumerate() {
+                if source.keeps_up() {
+                    self.merge.overtake(camera, now_s);
+                }
             }
             let all_ended = ended == self.sources.len();
             let set = self

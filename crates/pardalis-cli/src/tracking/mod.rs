@@ -10,6 +10,8 @@ mod marks;
 mod merge;
 pub(crate) mod missed;
 mod particle_rows;
+#[cfg(feature = "studio")]
+mod pictures;
 mod previous;
 pub(crate) mod radius;
 #[cfg_attr(not(feature = "mcap"), path = "without_recorder.rs")]
@@ -452,7 +454,9 @@ impl Extras {
             particle_rows: particle_rows.transpose()?,
             recorder: recorder.transpose()?,
             senders: senders.collect::<Result<_>>()?,
-            watched: watch.map(|watch| watch.sink(scene_path, scene, &open.tracker)),
+            watched: watch
+                .map(|watch| watch.sink(scene_path, scene, &open.tracker))
+                .transpose()?,
         })
     }
 

@@ -11,11 +11,11 @@ use pardalis_studio::{Feed, Lines};
 use serde_json::{Map, Value, json};
 
 use super::marks::Marker;
+use super::pictures::Pictures;
 use super::rows::{HEADER, write_row};
 use super::sender::open_line;
 use super::{Instant, Sink};
 use crate::draw::overlay::{Mark, Note, Shape};
-use crate::draw::picture::{jpeg_of, picture_of};
 use crate::report::{self, PageCamera, PageScene};
 use crate::timing::now_s;
 
@@ -84,7 +84,12 @@ impl Watch {
     }
 
     /// Shows the scene in the file at `scene_path`, and then its run.
-    pub(super) fn sink(&self, scene_path: &Path, scene: &Scene, tracker: &Tracker) -> WatchSink {
+    pub(super) fn sink(
+        &self,
+        scene_path: &Path,
+        scene: &Scene,
+        tracker: &Tracker,
+    ) -> Result<WatchSink> {
         let cameras = tracker.views().iter().map(|view| PageCamera {
             size_px: Some(view.size()),
             path: Vec::new(),
@@ -92,8 +97,9 @@ impl Watch {
         let cameras: Vec<PageCamera> = cameras.collect();
         let page = PageScene::new(report::title(scene_path), scene, &cameras);
         self.feed.show("scene", &json!(page));
-        WatchSink {
+        Ok(WatchSink {
             watch: self.clone(),
+            pictures: Pictures::start(&self.feed)?,
             marker: Marker::new(&scene.targets, true, true),
             cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
             shown_s: vec![f64::NEG_INFINITY; scene.cameras.len()],
@@ -101,7 +107,7 @@ impl Watch {
             untold: None,
             histogram: [0; HISTOGRAM_MS.len() + 1],
             text: String::new(),
-        }
+        })
     }
 
     fn so_far(&self) -> MutexGuard<'_, RowsSoFar> {
@@ -113,6 +119,7 @@ impl Watch {
 /// Shows a run.
 pub(crate) struct WatchSink {
     watch: Watch,
+    pictures: Pictures,
     marker: Marker,
     /// The names of the cameras.
     cameras: Vec<String>,
@@ -221,8 +228,7 @@ impl WatchSink {
             "notes": notes.iter().map(noted).collect::<Vec<_>>(),
         });
         let topic = format!("run/{}", self.cameras[camera]);
-        let jpeg = jpeg_of(&picture_of(frame))?;
-        self.watch.feed.show_image(&topic, &about, &jpeg);
+        self.pictures.show(topic, about, frame);
         Ok(())
     }
 }

@@ -4,11 +4,10 @@ use std::io::{BufRead, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::Stdio;
 
-use serde_json::Value;
 use tungstenite::Message;
 
 use crate::common::{SCENE, Workplace};
-use crate::send::{assert_is_row, json};
+use crate::send::{assert_is_row, json, place_of};
 
 /// Waits for the address of the page and returns its host and port.
 fn address_in(stderr: &mut impl BufRead) -> String {
@@ -92,9 +91,9 @@ fn programs_read_the_estimates_over_a_websocket() {
         assert_is_row(message, &rows);
     }
     let (first, last) = (&messages[0], &messages[messages.len() - 1]);
-    assert_eq!(last["frame"], rows.len() - 1);
-    let frame = |message: &Value| message["frame"].as_u64().unwrap();
-    let missed = frame(last) - frame(first) + 1 - messages.len() as u64;
+    let [from, to] = [first, last].map(|message| place_of(message, &rows));
+    assert_eq!(to, rows.len() - 1);
+    let missed = to - from + 1 - messages.len();
     assert_eq!(last["dropped"], missed);
 }
 
