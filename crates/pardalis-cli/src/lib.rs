@@ -3,6 +3,7 @@
 
 mod arguments;
 mod board;
+mod capture_clock;
 mod commands;
 mod detections;
 mod draw;

@@ -1,12 +1,16 @@
 //! Lines of JSON for other programs, over a WebSocket: the latest wins.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
 use tokio::sync::watch;
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout};
 
 use crate::live::GONE;
+
+/// How long readers have for the last line.
+const FAREWELL: Duration = Duration::from_millis(500);
 
 /// The latest line, for any number of readers. Cloning shares it.
 ///
@@ -19,6 +23,8 @@ struct Numbered {
     /// From 1; 0 stands for no line.
     number: u64,
     line: String,
+    /// Whether there will be no more.
+    is_over: bool,
 }
 
 impl Default for Lines {
@@ -34,6 +40,15 @@ impl Lines {
             latest.number += 1;
             latest.line = line;
         });
+    }
+
+    /// Tells readers that there will be no more lines, and waits a moment until they have got the last one.
+    pub(crate) fn end(&self) {
+        self.0.send_modify(|latest| latest.is_over = true);
+        let begin = Instant::now();
+        while self.are_read() && begin.elapsed() < FAREWELL {
+            std::thread::sleep(Duration::from_millis(5));
+        }
     }
 
     /// Reports whether anybody reads them: otherwise, none need be written.
@@ -61,14 +76,18 @@ pub(crate) struct Reader {
 }
 
 impl Reader {
-    /// Waits for the next line and returns it whole.
-    async fn next(&mut self) -> Utf8Bytes {
+    /// Waits for the next line and returns it whole; `None` if there will be none.
+    async fn next(&mut self) -> Option<Utf8Bytes> {
+        let seen = self.seen;
+        let is_new = |latest: &Numbered| latest.number > seen || latest.is_over;
         // The server has a sender as long as it runs.
-        let _ = self.latest.changed().await;
-        let latest = self.latest.borrow_and_update();
-        self.dropped += latest.number - self.seen - 1;
+        let latest = self.latest.wait_for(is_new).await.ok()?;
+        if latest.number == seen {
+            return None;
+        }
+        self.dropped += latest.number - seen - 1;
         self.seen = latest.number;
-        format!("{},\"dropped\":{}}}\n", latest.line, self.dropped).into()
+        Some(format!("{},\"dropped\":{}}}\n", latest.line, self.dropped).into())
     }
 }
 
@@ -81,8 +100,9 @@ pub(crate) async fn serve(mut socket: WebSocket, mut reader: Reader) {
                 _ => break,
             },
             line = reader.next() => {
-                let sent = timeout(GONE, socket.send(Message::Text(line))).await;
-                if !matches!(sent, Ok(Ok(()))) {
+                let message = line.clone().map_or(Message::Close(None), Message::Text);
+                let sent = timeout(GONE, socket.send(message)).await;
+                if line.is_none() || !matches!(sent, Ok(Ok(()))) {
                     break;
                 }
             }

@@ -70,6 +70,7 @@ pub trait Program: Send + Sync + 'static {
 /// A running server; dropping it ends it.
 pub struct Server {
     address: String,
+    lines: Lines,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<thread::JoinHandle<()>>,
 }
@@ -118,6 +119,7 @@ impl Server {
             "" => "{}",
             imports => imports,
         };
+        let lines = extension.lines.clone();
         let shared = Shared {
             guard,
             assets: assets
@@ -148,6 +150,7 @@ impl Server {
             })?;
         Ok(Self {
             address,
+            lines,
             stop: Some(stop),
             thread: Some(thread),
         })
@@ -161,6 +164,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
+        self.lines.end();
         drop(self.stop.take());
         if let Some(thread) = self.thread.take() {
             // A panic has been reported, and there is nothing left to serve.

@@ -8,7 +8,7 @@ use crate::platforms;
 use crate::shell_word::shell_word;
 use crate::tracking::agreement;
 use crate::tracking::radius::EstimatedRadius;
-use crate::tracking::{CameraRecord, CrowdCounts, Run};
+use crate::tracking::{CameraRecord, CrowdCounts, Outcome, Run};
 
 /// Fewer frames in which a camera does not see what others see say nothing. Hand-set: a second.
 const BLIND_FRAMES: usize = 25;
@@ -75,10 +75,10 @@ pub(crate) fn warnings(run: &Run) -> String {
                 record.frames.dropped_late, run.open.scene.max_delay_s
             );
         }
-        if 20 * record.frames.overtaken > record.frames.delivered {
+        if 20 * record.frames.overtaken > record.frames.delivered && was_too_slow(&run.outcome) {
             let _ = writeln!(
                 text,
-                "warning: cameras.{name}: tracking was slower than the camera, so {} of its {} frames were left out; lower its frame rate or its size (docs/videos.md)",
+                "warning: cameras.{name}: tracking was slower than the camera, so {} of its {} frames were left out; lower its frame rate, the size of its images or the number of particles (docs/videos.md)",
                 record.frames.overtaken, record.frames.delivered
             );
         }
@@ -128,6 +128,12 @@ pub(crate) fn warnings(run: &Run) -> String {
         }
     }
     text
+}
+
+/// Reports whether frames were left out because tracking takes too long, and not because many came at once, such as when a stream is opened: then it hardly
+/// waits for any.
+fn was_too_slow(outcome: &Outcome) -> bool {
+    outcome.waiting_s < 0.2 * (outcome.tracking_s + outcome.writing_s)
 }
 
 /// Returns a warning for each camera that hardly ever sees a target that other cameras show in its view.

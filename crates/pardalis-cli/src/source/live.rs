@@ -12,6 +12,7 @@ use super::ffmpeg::{Decode, Process, Programs, name_of, not_allowed};
 use super::probed::ProbedStream;
 use super::running::Running;
 use super::start_thread;
+use crate::capture_clock::CaptureClock;
 use crate::output::{note, warn};
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
@@ -77,7 +78,7 @@ impl Again {
             let jumps = running.count_clock_jump();
             if jumps <= NAMED_JUMPS {
                 warn(format!(
-                    "{input}: its time stamps jumped by {jump_s:.1} s; the times go on without the jump"
+                    "{input}: its time stamps jumped by {jump_s:.1} s, as if it had begun anew or its clock had been set; the times go on by this computer's clock"
                 ));
             }
             if jumps == NAMED_JUMPS {
@@ -138,10 +139,10 @@ impl Again {
 #[derive(Default)]
 struct SteadyClock {
     offset_s: f64,
-    /// The last time, and when its frame arrived, in seconds.
-    last: Option<(f64, f64)>,
-    /// How far the time of the frame that arrived soonest was ahead of its arrival, in seconds.
-    lead_s: Option<f64>,
+    /// The last time, in seconds.
+    last_s: Option<f64>,
+    /// The times and arrivals of frames.
+    arrivals: CaptureClock,
     /// Whether the next frame is the first after a failure.
     is_reopened: bool,
 }
@@ -152,12 +153,12 @@ impl SteadyClock {
     fn time_at_s(&mut self, stamp_s: f64, arrival_s: f64) -> (f64, Option<f64>) {
         let mut time_s = stamp_s + self.offset_s;
         let mut jump_s = None;
-        if let (Some((last_s, last_arrival_s)), Some(lead_s)) = (self.last, self.lead_s) {
-            let expected_s = last_s + arrival_s - last_arrival_s;
+        // The last frame may have arrived late, such as one that ffmpeg held back until a sender began anew.
+        if let (Some(last_s), Some(expected_s)) = (self.last_s, self.arrivals.stamp_s(arrival_s)) {
             let has_jumped = if self.is_reopened {
                 (time_s - expected_s).abs() > SAME_CLOCK_S
             } else {
-                time_s < last_s - SET_BACK_S || time_s - arrival_s > lead_s + SET_FORWARD_S
+                time_s < last_s - SET_BACK_S || time_s > expected_s + SET_FORWARD_S
             };
             if has_jumped {
                 jump_s = (!self.is_reopened).then_some(time_s - expected_s);
@@ -166,9 +167,8 @@ impl SteadyClock {
             }
         }
         self.is_reopened = false;
-        self.last = Some((time_s, arrival_s));
-        let lead_s = time_s - arrival_s;
-        self.lead_s = Some(self.lead_s.map_or(lead_s, |known_s| known_s.max(lead_s)));
+        self.last_s = Some(time_s);
+        self.arrivals.take(time_s, arrival_s);
         (time_s, jump_s)
     }
 }
@@ -332,6 +332,13 @@ mod tests {
                 "set forward",
                 [(3700.0, 50.1), (3700.2, 50.3)],
                 [100.1, 100.3],
+                1,
+            ),
+            (
+                "begun anew",
+                // The last frame of the sender before came only with the first of the new one.
+                [(100.1, 55.0), (0.0, 55.1)],
+                [100.1, 105.1],
                 1,
             ),
             (

@@ -1,5 +1,6 @@
 //! Sources of frames: a folder of images, or anything that an installed ffmpeg opens.
 
+mod ahead;
 pub(crate) mod decode;
 mod ffmpeg;
 #[cfg(any(test, feature = "fuzz"))]
@@ -16,7 +17,8 @@ mod video;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, sync_channel};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::task::Poll;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -31,6 +33,7 @@ use crate::interrupt;
 use crate::output::Shown;
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
+use ahead::{Ahead, Slot};
 use ffmpeg::Programs;
 use images::ImageFrames;
 use running::Running;
@@ -200,15 +203,15 @@ pub(crate) struct Source {
     /// `None` if it is not known before the frames are read.
     span: Option<TimeSpan>,
     is_live: bool,
-    /// See [`Source::keeps_up`].
-    keeps_up: bool,
+    /// The number of frames that were dropped because later ones were decoded, and not counted yet; `None` if all wait to be taken.
+    overtaken: Option<Arc<AtomicUsize>>,
     /// What the user should know although the source opens.
     warning: Option<String>,
     counters: Counters,
     /// Deliveries received in advance to determine the time of the first frame.
     peeked: VecDeque<Result<Delivery>>,
     /// `None` once the thread has ended.
-    decoding: Option<(Receiver<Decoded>, JoinHandle<()>)>,
+    decoding: Option<(Receiver<Slot>, JoinHandle<()>)>,
     process: Option<Arc<Running>>,
 }
 
@@ -252,13 +255,12 @@ impl Source {
                 let warning = frames.warning().map(str::to_owned);
                 let is_live = ffmpeg::is_live(video);
                 let clock = if is_live {
-                    Clock::Live
+                    Clock::Live(video.when_behind())
                 } else {
                     Clock::Recorded
                 };
                 let mut source = Self::start(description, clock, config.time_offset_s, frames)?;
                 source.is_live = is_live;
-                source.keeps_up = is_live && video.when_behind() == WhenBehind::Drop;
                 source.warning = warning;
                 source.process = Some(process);
                 source.span = span.map(|span| span.moved(config.time_offset_s));
@@ -297,7 +299,9 @@ impl Source {
         let (width, height) = description.size_px;
         let format = description.pixel_format;
         let ahead = BYTES_AHEAD / format.byte_count(width, height).max(1);
-        let (sender, receiver) = sync_channel(ahead.clamp(1, FRAMES_AHEAD));
+        let keeps_up = matches!(clock, Clock::Live(WhenBehind::Drop));
+        let overtaken = keeps_up.then(Arc::default);
+        let (mut ahead, receiver) = Ahead::new(ahead.clamp(1, FRAMES_AHEAD), overtaken.clone());
         let encoding = description.encoding.unwrap_or_default();
         let input = description.input.clone();
         let thread = start_thread(move || {
@@ -313,7 +317,7 @@ impl Source {
                     let time_s = timed.time_s + time_offset_s;
                     arrived_s = match clock {
                         Clock::Recorded => timed.arrival_s.unwrap_or(time_s).max(arrived_s),
-                        Clock::Live => now_s(),
+                        Clock::Live(_) => now_s(),
                     };
                     let frame = Frame::new(format, encoding, width, height, timed.bytes, time_s);
                     let frame = frame.map_err(|error| {
@@ -328,7 +332,7 @@ impl Source {
                 });
                 let failed = delivery.is_err();
                 // The receiver is gone: the source was dropped.
-                if sender.send((delivery, watch.elapsed_s())).is_err() || failed {
+                if !ahead.send((delivery, watch.elapsed_s())) || failed {
                     break;
                 }
             }
@@ -337,7 +341,7 @@ impl Source {
             description,
             span: None,
             is_live: false,
-            keeps_up: false,
+            overtaken,
             warning: None,
             counters: Counters::default(),
             peeked: VecDeque::new(),
@@ -368,7 +372,13 @@ impl Source {
 
     /// Reports whether its oldest frames are dropped while tracking is slower, rather than held back with the sender.
     pub(crate) fn keeps_up(&self) -> bool {
-        self.keeps_up
+        self.overtaken.is_some()
+    }
+
+    /// Returns the number of frames that were dropped since the last call because later ones were decoded.
+    pub(crate) fn take_overtaken(&mut self) -> usize {
+        let overtaken = self.overtaken.as_ref();
+        overtaken.map_or(0, |overtaken| overtaken.swap(0, Ordering::Relaxed))
     }
 
     /// Returns what the user should know although the source opens.
@@ -464,13 +474,16 @@ impl Source {
         if !self.peeked.is_empty() {
             return Poll::Ready(self.next());
         }
-        let Some((receiver, _)) = &self.decoding else {
-            return Poll::Ready(None);
-        };
-        match receiver.try_recv() {
-            Ok(decoded) => Poll::Ready(Some(self.counted(decoded))),
-            Err(TryRecvError::Empty) => Poll::Pending,
-            Err(TryRecvError::Disconnected) => Poll::Ready(self.end()),
+        loop {
+            let Some((receiver, _)) = &self.decoding else {
+                return Poll::Ready(None);
+            };
+            match receiver.try_recv().map(|slot| slot.take()) {
+                Ok(Some(decoded)) => return Poll::Ready(Some(self.counted(decoded))),
+                Ok(None) => {}
+                Err(TryRecvError::Empty) => return Poll::Pending,
+                Err(TryRecvError::Disconnected) => return Poll::Ready(self.end()),
+            }
         }
     }
 
@@ -478,10 +491,13 @@ impl Source {
     fn receive(&mut self) -> Option<Result<Delivery>> {
         while !interrupt::requested() {
             let (receiver, _) = self.decoding.as_ref()?;
-            match receiver.recv_timeout(INTERRUPT_POLL) {
-                Ok(decoded) => return Some(self.counted(decoded)),
+            match receiver
+                .recv_timeout(INTERRUPT_POLL)
+                .map(|slot| slot.take())
+            {
+                Ok(Some(decoded)) => return Some(self.counted(decoded)),
                 Err(RecvTimeoutError::Disconnected) => return self.end(),
-                Err(RecvTimeoutError::Timeout) => {}
+                Ok(None) | Err(RecvTimeoutError::Timeout) => {}
             }
         }
         None
@@ -493,8 +509,12 @@ impl Source {
             return self.receive();
         }
         let (receiver, _) = self.decoding.as_ref()?;
-        let decoded = receiver.recv_timeout(FIRST_FRAME_WAIT).ok()?;
-        Some(self.counted(decoded))
+        let mut taken = None;
+        // Places of dropped frames are empty, and others follow them.
+        while taken.is_none() {
+            taken = receiver.recv_timeout(FIRST_FRAME_WAIT).ok()?.take();
+        }
+        taken.map(|decoded| self.counted(decoded))
     }
 
     fn counted(&mut self, (delivery, decode_s): Decoded) -> Result<Delivery> {
@@ -546,7 +566,7 @@ enum Clock {
     /// frame preceding it.
     Recorded,
     /// The program's clock, at the time when it receives the frame.
-    Live,
+    Live(WhenBehind),
 }
 
 impl TimeSpan {

@@ -26,6 +26,8 @@ struct State {
     is_attempt: bool,
     /// Errors that earlier processes reported.
     earlier_errors: usize,
+    /// Errors of the present process before its first frame: whoever joins a stream misses what its first frames refer to.
+    joining_errors: usize,
     reopened: usize,
     clock_jumps: usize,
     is_stopped: bool,
@@ -40,7 +42,7 @@ impl State {
         let present = if self.is_attempt {
             0
         } else {
-            self.process.error_count()
+            self.process.error_count() - self.joining_errors
         };
         self.earlier_errors + present
     }
@@ -53,6 +55,7 @@ impl Running {
                 process,
                 is_attempt: false,
                 earlier_errors: 0,
+                joining_errors: 0,
                 reopened: 0,
                 clock_jumps: 0,
                 is_stopped: false,
@@ -82,6 +85,7 @@ impl Running {
             process.kill();
         }
         state.process = process;
+        state.joining_errors = 0;
         state.wait = None;
         state.was_silent = false;
     }
@@ -110,6 +114,13 @@ impl Running {
         let mut state = self.state();
         state.reopened += 1;
         state.is_attempt = false;
+        state.joining_errors = state.process.error_count();
+    }
+
+    /// Notes that a live source has delivered its first frame.
+    pub(super) fn joined(&self) {
+        let mut state = self.state();
+        state.joining_errors = state.process.error_count();
     }
 
     /// Returns how often the source was opened again.

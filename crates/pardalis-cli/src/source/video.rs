@@ -106,6 +106,9 @@ impl VideoFrames {
             )
         });
         let running = Arc::new(Running::new(Arc::clone(&decode.process)));
+        if !is_file(&video.place) {
+            running.joined();
+        }
         let again = Again::of(programs, video);
         let watchdog = again
             .as_ref()

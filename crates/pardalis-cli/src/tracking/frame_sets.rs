@@ -6,8 +6,8 @@ use std::time::Duration;
 use pardalis::Frame;
 use serde::Serialize;
 
-use super::latency::CaptureClock;
 use super::merge::{FrameCounts, FrameSet, Limit, Merge};
+use crate::capture_clock::CaptureClock;
 use crate::interrupt::Stop;
 use crate::source::{Delivery, Source};
 use crate::timing::now_s;
@@ -203,6 +203,8 @@ impl<'a> FrameSets<'a> {
             let mut arrived = Vec::new();
             let mut ended = 0;
             for camera in 0..self.sources.len() {
+                let overtaken = self.sources[camera].take_overtaken();
+                self.merge.count_overtaken(camera, overtaken);
                 let keeps_up = self.sources[camera].keeps_up();
                 if !keeps_up && self.merge.has_backlog(camera, now_s) {
                     continue;

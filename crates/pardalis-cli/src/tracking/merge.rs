@@ -277,6 +277,13 @@ impl Merge {
         self.cameras[camera].counts.overtaken += oldest.count();
     }
 
+    /// Counts frames that were dropped before they could be given, because later ones were waiting.
+    pub(crate) fn count_overtaken(&mut self, camera: usize, frames: usize) {
+        let counts = &mut self.cameras[camera].counts;
+        counts.delivered += frames;
+        counts.overtaken += frames;
+    }
+
     /// Counts an image that could not be used.
     pub(crate) fn count_broken(&mut self, camera: usize) {
         let counts = &mut self.cameras[camera].counts;

@@ -78,8 +78,9 @@ fn programs_read_the_estimates_over_a_websocket() {
         match reader.read() {
             Ok(Message::Text(text)) => messages.push(json(&text)),
             Ok(Message::Ping(_)) => {}
-            // The run is over.
-            _ => break,
+            // The run is over, and says so.
+            Ok(Message::Close(_)) => break,
+            other => panic!("{other:?}"),
         }
     }
     let mut rest = String::new();

@@ -22,7 +22,7 @@ use crate::user_error::user_error;
 /// How often the program looks for Ctrl-C.
 const POLL: Duration = Duration::from_millis(100);
 
-/// How long pages and readers may fetch the last rows of a run that is over.
+/// How long pages may fetch the last rows of a run that is over.
 const LAST_ROWS: Duration = Duration::from_millis(1500);
 
 /// Serves the page, with the viewer of tracks, and prints its address.
@@ -130,7 +130,6 @@ pub(crate) struct Watching {
     /// What shows the run.
     pub(crate) watch: Watch,
     feed: Feed,
-    lines: Lines,
     _server: Server,
 }
 
@@ -150,16 +149,15 @@ impl Watching {
         let place = (options.listen, options.port);
         Ok(Some(Self {
             watch,
-            _server: serve(place, Arc::new(program), (feed.clone(), lines.clone()))?,
+            _server: serve(place, Arc::new(program), (feed.clone(), lines))?,
             feed,
-            lines,
         }))
     }
 
-    /// Leaves open pages and readers the time to fetch the last rows.
+    /// Leaves open pages the time to fetch the last rows.
     pub(crate) fn finish(self) {
         self.feed.show("over", &json!(true));
-        if self.feed.is_watched() || self.lines.are_read() {
+        if self.feed.is_watched() {
             std::thread::sleep(LAST_ROWS);
         }
     }
