@@ -92,7 +92,7 @@ pub use ball_rig::{
     BallRigCalibration, BallRigCamera, BallRigSettings, BallSighting, FocalFit, RigAlignment,
     RigSight, align_to_places, align_to_points, calibrate_ball_rig,
 };
-pub use intrinsics::{Calibration, FittedParameter, FittedView, calibrate};
+pub use intrinsics::{Calibration, FittedParameter, FittedView, calibrate, covered};
 pub use mount::{MountCalibration, MountSettings, MountView, PlatformAt, calibrate_mount};
 pub use pose::{PoseFit, closest_pose, fit_pose};
 pub use rig::{RigCalibration, RigCamera, calibrate_rig};

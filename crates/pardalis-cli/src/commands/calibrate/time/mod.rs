@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NAME")]
     target: Option<String>,
     /// Largest offset to search for in either direction, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = parse_offset)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = parse_offset, allow_negative_numbers = true)]
     max_offset_s: f64,
     /// Also writes the scene with the estimated offsets to this file, which must be in the scene's folder and
     /// may be the scene itself
