@@ -5,6 +5,8 @@ mod board_checks;
 mod board_rig;
 mod board_rig_report;
 mod fit;
+#[cfg(feature = "studio")]
+pub(super) mod held;
 mod images;
 mod model;
 mod mount;

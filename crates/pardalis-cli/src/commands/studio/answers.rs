@@ -6,6 +6,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
+use super::board::{BoardOf, ModelOf};
 use super::pose::{KnownPoints, OfCamera, OnFloor};
 use super::session::Session;
 use super::steps::{Calibrated, Guessed, Label, NewTarget, Radius};
@@ -106,6 +107,28 @@ impl Session {
             }
             "set_fov" => self.set_fov(&read::<Guessed>(value)?)?,
             "set_calibration" => self.set_calibration(&read::<Calibrated>(value)?)?,
+            "look_for_board" => {
+                self.look_for_board(&read::<BoardOf>(value)?)?;
+                return Ok(json!({}));
+            }
+            "leave_board" => {
+                read::<Nothing>(value)?;
+                self.leave_board();
+                return Ok(json!({}));
+            }
+            "forget_board" => {
+                read::<Nothing>(value)?;
+                self.forget_board();
+                return Ok(json!({}));
+            }
+            "fit_board" => {
+                self.fit_board(&read::<ModelOf>(value)?)?;
+                return Ok(json!({}));
+            }
+            "use_board" => {
+                read::<Nothing>(value)?;
+                self.use_board()?;
+            }
             "set_pose" => {
                 let answer = self.set_pose(&read::<KnownPoints>(value)?)?;
                 self.tell();

@@ -3,6 +3,8 @@
 #[cfg(feature = "studio")]
 mod answers;
 #[cfg(feature = "studio")]
+mod board;
+#[cfg(feature = "studio")]
 mod edits;
 #[cfg(feature = "studio")]
 mod places;

@@ -7,6 +7,7 @@ use anyhow::Result;
 use pardalis_studio::Feed;
 use serde_json::Value;
 
+use super::board::Held;
 use super::places::Places;
 use super::player::Player;
 use super::project::{Project, State};
@@ -32,6 +33,8 @@ pub(super) struct Inner {
     /// The colours that were learnt from the present samples of targets, by their names.
     pub(super) learnt: BTreeMap<String, Learnt>,
     pub(super) running: Option<Running>,
+    /// A board that is held up to a camera.
+    pub(super) held: Option<Held>,
 }
 
 impl Session {
@@ -45,6 +48,7 @@ impl Session {
                 players: BTreeMap::new(),
                 learnt: BTreeMap::new(),
                 running: None,
+                held: None,
             }),
         })
     }
