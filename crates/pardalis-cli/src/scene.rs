@@ -74,9 +74,9 @@ pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
     parse(&read_scene_text(path)?, path, replaced)
 }
 
-/// Reads and checks a scene file like [`read`], whose cameras may lack poses.
-pub(crate) fn read_without_poses(path: &Path) -> Result<Scene> {
-    checked(&read_scene_text(path)?, path, Scene::parse_without_poses)
+/// Reads and checks the text of a scene like [`parse`], whose cameras may lack poses.
+pub(crate) fn parse_without_poses(text: &str, path: &Path) -> Result<Scene> {
+    checked(text, path, Scene::parse_without_poses)
 }
 
 /// Reads and checks the text of a scene that is in the file at `path`, or will be, like [`read_with`].

@@ -18,8 +18,8 @@ mod points;
 mod pose;
 mod print;
 mod report;
-mod rig;
-mod time;
+pub(super) mod rig;
+pub(super) mod time;
 mod trial;
 
 use anyhow::Result;

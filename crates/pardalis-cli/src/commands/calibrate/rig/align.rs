@@ -11,6 +11,7 @@ use pardalis_calibrate::{
 use pardalis_camera::Pose;
 use pardalis_scene::Scene;
 
+use super::Known;
 use super::super::observations::{self, Columns};
 use crate::draw::picture::picture_of;
 use crate::output::Shown;
@@ -54,11 +55,23 @@ pub(super) struct World {
 }
 
 impl Alignment {
-    /// Reads known points, if there are any.
-    pub(super) fn read(points: Option<&Path>, scene: &Scene) -> Result<Self> {
-        let Some(path) = points else {
-            return Ok(Self::Scene);
-        };
+    /// Returns what is known before the cameras are open.
+    pub(super) fn known(known: &Known, scene: &Scene) -> Result<Self> {
+        match known {
+            Known::Scene | Known::Board(_) => Ok(Self::Scene),
+            Known::File(path) => Self::read(path, scene),
+            #[cfg(feature = "studio")]
+            Known::Points(all) => {
+                let of = |name: &String| all.iter().find(|(camera, _)| camera == name);
+                let names = scene.cameras.iter().map(|camera| &camera.name);
+                let points = names.map(|name| of(name).map_or(Vec::new(), |(_, p)| p.clone()));
+                Ok(Self::Points("the known points".to_owned(), points.collect()))
+            }
+        }
+    }
+
+    /// Reads known points.
+    fn read(path: &Path, scene: &Scene) -> Result<Self> {
         let table = Table::read(path)?;
         if table.optional_column("time_s").is_some() {
             let columns = table.columns(["time_s", "x_m", "y_m", "z_m"])?;
