@@ -188,15 +188,16 @@ pub(crate) fn open_parts(path: &Path) -> Result<Parts> {
 }
 
 /// Reads a scene's text and opens the files that it names in a folder, except for frames: `sizes_px` are those of the images of cameras, by their
-/// names, as far as they are known.
+/// names, as far as they are known. Cameras may lack poses, which is among the problems.
 #[cfg(feature = "studio")]
 pub(crate) fn parts_of_text(
     text: &str,
     folder: &Path,
     sizes_px: &std::collections::BTreeMap<String, (usize, usize)>,
 ) -> Parts {
-    let (scene, problems) =
-        Scene::parse_parts(text, &|file, lens| read_calibration(folder, file, lens));
+    let (scene, problems) = Scene::parse_parts_without_poses(text, &|file, lens| {
+        read_calibration(folder, file, lens)
+    });
     let missing = named_files::missing(text, folder, &scene);
     let mut parts = Parts::with(scene, problems);
     parts.assembly.problems.extend(missing);

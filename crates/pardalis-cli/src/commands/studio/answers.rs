@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::board::{BoardOf, ModelOf};
 use super::pose::{KnownPoints, OfCamera, OnFloor};
+use super::rig::{RigOf, RigStop};
 use super::session::Session;
 use super::steps::{Calibrated, Guessed, Label, NewTarget, Radius};
 use crate::commands::devices;
@@ -138,6 +139,15 @@ impl Session {
                 let answer = self.set_pose_of_board(&read::<OnFloor>(value)?)?;
                 self.tell();
                 return Ok(answer);
+            }
+            "wave" => self.wave(read::<RigOf>(value)?)?,
+            "stop_waving" => {
+                self.stop_waving(&read::<RigStop>(value)?);
+                return Ok(json!({}));
+            }
+            "use_rig" => {
+                read::<Nothing>(value)?;
+                self.use_rig()?;
             }
             "find_rectangle" => return self.find_rectangle(&read::<OfCamera>(value)?),
             "grid" => return self.grid(&read::<OfCamera>(value)?),

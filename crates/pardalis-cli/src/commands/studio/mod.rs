@@ -17,6 +17,8 @@ mod program;
 #[cfg(feature = "studio")]
 mod project;
 #[cfg(feature = "studio")]
+mod rig;
+#[cfg(feature = "studio")]
 mod running;
 #[cfg(feature = "studio")]
 mod runs;

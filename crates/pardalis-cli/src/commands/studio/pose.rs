@@ -52,17 +52,24 @@ pub(super) struct OnFloor {
     board: String,
 }
 
+impl KnownPoints {
+    pub(super) fn camera(&self) -> &str {
+        &self.camera
+    }
+
+    pub(super) fn correspondences(&self) -> Vec<Correspondence> {
+        let points = self.points.iter().map(|point| Correspondence {
+            point_m: point.world_m,
+            pixel: point.at_px,
+        });
+        points.collect()
+    }
+}
+
 impl Session {
     /// Sets the pose of a camera from points in the room. Returns how far they are from where the camera shows them then.
     pub(super) fn set_pose(&self, known: &KnownPoints) -> Result<Value> {
-        let points: Vec<Correspondence> = known
-            .points
-            .iter()
-            .map(|point| Correspondence {
-                point_m: point.world_m,
-                pixel: point.at_px,
-            })
-            .collect();
+        let points = known.correspondences();
         let (lens, size_px) = self.inner().lens_of(&known.camera)?;
         let fit = fit_pose(&lens, size_px, &points, OUTLIER_SIGMAS)
             .map_err(|refusal| user_error!("cameras.{}: {refusal}", known.camera))?;

@@ -11,6 +11,7 @@ use super::board::Held;
 use super::places::Places;
 use super::player::Player;
 use super::project::{Project, State};
+use super::rig::Waved;
 use super::running::Running;
 use crate::commands::learn::samples::Learnt;
 use crate::scene::{self, Parts};
@@ -35,6 +36,8 @@ pub(super) struct Inner {
     pub(super) running: Option<Running>,
     /// A board that is held up to a camera.
     pub(super) held: Option<Held>,
+    /// Cameras that are calibrated with a ball.
+    pub(super) waved: Option<Waved>,
 }
 
 impl Session {
@@ -49,6 +52,7 @@ impl Session {
                 learnt: BTreeMap::new(),
                 running: None,
                 held: None,
+                waved: None,
             }),
         })
     }
@@ -99,7 +103,8 @@ impl Session {
     /// Shows the pictures of the cameras that the scene has.
     pub(super) fn follow(&self) {
         let mut inner = self.inner();
-        let is_running = inner.running.as_ref().is_some_and(Running::goes_on);
+        let is_running = inner.running.as_ref().is_some_and(Running::goes_on)
+            || inner.waved.as_ref().is_some_and(Waved::goes_on);
         let parts = inner.parts();
         let folder = inner.project.folder().to_owned();
         let mut wanted = BTreeMap::new();

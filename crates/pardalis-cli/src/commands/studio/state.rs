@@ -110,6 +110,7 @@ impl Inner {
             "calibration": calibration,
             "fov_deg": fov_deg,
             "position_m": camera.position_m(),
+            "has_pose": camera.has_pose,
         })
     }
 

@@ -60,12 +60,12 @@ pub(in crate::commands) struct CalibratedRig {
 }
 
 impl CalibratedRig {
-    /// Detects the ball and calibrates the rig. `seen` is told of each frame, with the number of its camera.
+    /// Detects the ball and calibrates the rig. `seen` is told of each frame, with the name of its camera.
     ///
     /// Errors: the scene has problems, or the detections do not determine the rig, with the remedy.
     pub(in crate::commands) fn of(
         task: &Task,
-        seen: &(impl Fn(usize, &Frame, &[Detection]) + Sync),
+        seen: &(impl Fn(&str, &Frame, &[Detection]) + Sync),
     ) -> Result<Self> {
         let path = task.path;
         let read = scene::parse_without_poses(task.text, path)?;
@@ -86,7 +86,9 @@ impl CalibratedRig {
             views,
             (&body.shape, &detector),
             &task.until,
-            seen,
+            &|number: usize, frame: &Frame, detections: &[Detection]| {
+                seen(&open.scene.cameras[number].name, frame, detections);
+            },
         )?;
         let configs = open.scene.cameras.iter().zip(views).zip(frames);
         let cameras: Vec<TimedCamera> = configs
