@@ -395,7 +395,7 @@ fn focal_lengths_are_refined_on_request() {
     let run = Run::pardalis(&folder, &["calibrate", "rig", "scene.toml"]).fine();
     println!("{}{}", run.stdout, run.stderr);
     assert!(
-        run.stdout.contains("or give --refine-focal"),
+        run.stdout.contains("or refine the focal lengths (--refine-focal)"),
         "{}",
         run.stdout
     );

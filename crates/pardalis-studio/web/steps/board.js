@@ -89,7 +89,7 @@ function nowOf(board) {
   return [
     el("p", { class: "now", id: "board-advice" }, advice ?? "These views are enough: calibrate."),
     board.is_looking && el("p", { class: "none", id: "board-seen" }, `Now: ${seen}.`),
-    el("p", { id: "board-count" }, el("strong", {}, `${frames.length} views`), ` · ${fixed(100 * share, 0)} % of the image · ${tilted} tilted`),
+    el("p", { id: "board-count" }, el("strong", {}, `${frames.length} view${frames.length === 1 ? "" : "s"}`), ` · ${fixed(100 * share, 0)} % of the image · ${tilted} tilted`),
     leftOut.length > 0 && el("details", { id: "board-left-out", open: isOpen }, el("summary", { onclick: () => { isOpen = !isOpen; } }, "Left out"), el("ul", {}, leftOut.map(({ reason, count, last_frame: last }) => el("li", {}, `${count} × ${reason} (last in frame ${last + 1})`)))),
   ];
 }

@@ -172,7 +172,7 @@ export const pose = {
     const one = app.state.cameras.find(({ name }) => name === app.camera);
     if (!one) return [];
     const isGuess = app.state.guesses.some(({ key }) => key === `cameras.${one.name}.world_from_camera`);
-    look(app, one, isGuess);
+    if (way !== "ball") look(app, one, isGuess);
     const at = one.position_m && one.position_m.map((value) => fixed(value, 2)).join(", ");
     const step = floors.get(one.name)?.step_m;
     const ways = Object.entries(WAYS).filter(([id]) => id !== "ball" || app.state.cameras.length > 1);

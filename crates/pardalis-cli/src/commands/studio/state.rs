@@ -59,11 +59,20 @@ impl Inner {
         let now = self.project.now();
         let guessed = guesses(&now.text);
         let written = |problem: &Problem, is_warning: bool| {
+            // The page finds it.
+            let is_missing_pose = parts.scene.cameras.iter().any(|camera| {
+                !camera.has_pose && problem.key == format!("cameras.{}.world_from_camera", camera.name)
+            });
+            let message = if is_missing_pose && problem.message.starts_with("is missing") {
+                "is missing; choose above how to find it"
+            } else {
+                &problem.message
+            };
             json!({
                 "step": Step::of(&problem.key).name(),
                 "key": problem.key,
                 "line": problem.line,
-                "message": problem.message,
+                "message": message,
                 "is_warning": is_warning,
             })
         };

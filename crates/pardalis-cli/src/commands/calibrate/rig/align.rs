@@ -127,7 +127,7 @@ impl Alignment {
         }
         if points.iter().all(Vec::is_empty) {
             return Err(user_error!(
-                "--board: no camera shows the board in its first {BOARD_FRAMES} images ({last}); lay it where one of them sees it wholly before the recording begins, or check its description"
+                "no camera shows the board in its first {BOARD_FRAMES} images ({last}); lay it where one of them sees it wholly before the recording begins, or check its description (--board)"
             ));
         }
         Ok(Self::Points("the board".to_owned(), points))
@@ -213,7 +213,7 @@ fn world_of_scene(scene: &Scene, found: &BallRigCalibration) -> World {
         return World {
             aligned: rigid(Pose::identity(), None),
             because: format!(
-                "the frame of {name} is the world (x right, y down, z forward), because nothing says where else it is: give {name} a pose, or use --points or --board"
+                "the frame of {name} is the world (x right, y down, z forward), because nothing says where else it is: give {name} a pose, known points (--points) or a board (--board)"
             ),
             doubt: None,
         };

@@ -259,7 +259,7 @@ impl<'a> Report<'a> {
                 let off = focal.factor - 1.0;
                 if off.abs() > FOCAL_OFF.max(REAL_SIGMAS * focal.sigma) {
                     warnings.push(format!(
-                        "{name}: its focal length seems to be {:.4} ± {:.4} times that of the scene: calibrate its lens, or give --refine-focal",
+                        "{name}: its focal length seems to be {:.4} ± {:.4} times that of the scene: calibrate its lens, or refine the focal lengths (--refine-focal)",
                         focal.factor, focal.sigma
                     ));
                 }
