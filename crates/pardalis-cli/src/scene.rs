@@ -195,9 +195,8 @@ pub(crate) fn parts_of_text(
     folder: &Path,
     sizes_px: &std::collections::BTreeMap<String, (usize, usize)>,
 ) -> Parts {
-    let (scene, problems) = Scene::parse_parts_without_poses(text, &|file, lens| {
-        read_calibration(folder, file, lens)
-    });
+    let (scene, problems) =
+        Scene::parse_parts_without_poses(text, &|file, lens| read_calibration(folder, file, lens));
     let missing = named_files::missing(text, folder, &scene);
     let mut parts = Parts::with(scene, problems);
     parts.assembly.problems.extend(missing);

@@ -151,7 +151,10 @@ fn are_alike(a: &[Corner], b: &[Corner], diagonal_px: f64) -> bool {
     if 2 * pairs.len() < a.len().max(b.len()) {
         return false;
     }
-    let [from, to] = [mean(pairs.iter().map(|p| p.0)), mean(pairs.iter().map(|p| p.1))];
+    let [from, to] = [
+        mean(pairs.iter().map(|p| p.0)),
+        mean(pairs.iter().map(|p| p.1)),
+    ];
     let place = libm::hypot(to[0] - from[0], to[1] - from[1]) / diagonal_px;
     let (mut change, mut extent) = (0.0, 0.0);
     for ([u, v], [x, y]) in &pairs {
@@ -182,7 +185,11 @@ fn foreshortening(corners: &[Corner]) -> f64 {
     for corner in corners {
         let [x, y] = [corner.board_m[0] - board[0], corner.board_m[1] - board[1]];
         let [u, v] = [corner.pixel[0] - image[0], corner.pixel[1] - image[1]];
-        of_board = [of_board[0] + x * x, of_board[1] + x * y, of_board[2] + y * y];
+        of_board = [
+            of_board[0] + x * x,
+            of_board[1] + x * y,
+            of_board[2] + y * y,
+        ];
         for (row, at) in across.iter_mut().zip([u, v]) {
             *row = [row[0] + at * x, row[1] + at * y];
         }

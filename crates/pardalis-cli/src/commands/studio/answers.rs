@@ -108,28 +108,6 @@ impl Session {
             }
             "set_fov" => self.set_fov(&read::<Guessed>(value)?)?,
             "set_calibration" => self.set_calibration(&read::<Calibrated>(value)?)?,
-            "look_for_board" => {
-                self.look_for_board(&read::<BoardOf>(value)?)?;
-                return Ok(json!({}));
-            }
-            "leave_board" => {
-                read::<Nothing>(value)?;
-                self.leave_board();
-                return Ok(json!({}));
-            }
-            "forget_board" => {
-                read::<Nothing>(value)?;
-                self.forget_board();
-                return Ok(json!({}));
-            }
-            "fit_board" => {
-                self.fit_board(&read::<ModelOf>(value)?)?;
-                return Ok(json!({}));
-            }
-            "use_board" => {
-                read::<Nothing>(value)?;
-                self.use_board()?;
-            }
             "set_pose" => {
                 let answer = self.set_pose(&read::<KnownPoints>(value)?)?;
                 self.tell();
@@ -139,15 +117,6 @@ impl Session {
                 let answer = self.set_pose_of_board(&read::<OnFloor>(value)?)?;
                 self.tell();
                 return Ok(answer);
-            }
-            "wave" => self.wave(read::<RigOf>(value)?)?,
-            "stop_waving" => {
-                self.stop_waving(&read::<RigStop>(value)?);
-                return Ok(json!({}));
-            }
-            "use_rig" => {
-                read::<Nothing>(value)?;
-                self.use_rig()?;
             }
             "find_rectangle" => return self.find_rectangle(&read::<OfCamera>(value)?),
             "grid" => return self.grid(&read::<OfCamera>(value)?),
@@ -184,6 +153,45 @@ impl Session {
             "save" => {
                 read::<Nothing>(value)?;
                 self.inner().project.save()?;
+            }
+            _ => return self.answered_while_calibrating(request, value),
+        }
+        Ok(self.tell())
+    }
+
+    /// Answers the requests of calibrations that take a while.
+    fn answered_while_calibrating(&self, request: &str, value: Value) -> Result<Value> {
+        match request {
+            "look_for_board" => {
+                self.look_for_board(&read::<BoardOf>(value)?)?;
+                return Ok(json!({}));
+            }
+            "leave_board" => {
+                read::<Nothing>(value)?;
+                self.leave_board();
+                return Ok(json!({}));
+            }
+            "forget_board" => {
+                read::<Nothing>(value)?;
+                self.forget_board();
+                return Ok(json!({}));
+            }
+            "fit_board" => {
+                self.fit_board(&read::<ModelOf>(value)?)?;
+                return Ok(json!({}));
+            }
+            "use_board" => {
+                read::<Nothing>(value)?;
+                self.use_board()?;
+            }
+            "wave" => self.wave(read::<RigOf>(value)?)?,
+            "stop_waving" => {
+                self.stop_waving(&read::<RigStop>(value)?);
+                return Ok(json!({}));
+            }
+            "use_rig" => {
+                read::<Nothing>(value)?;
+                self.use_rig()?;
             }
             _ => return Err(user_error!("{request}: is no request of this page")),
         }

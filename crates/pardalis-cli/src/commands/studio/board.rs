@@ -439,7 +439,11 @@ fn look(session: &Weak<Session>, shared: &Mutex<Collected>, stop: &Stop) {
         let Some(session) = session.upgrade() else {
             return;
         };
-        let newest = session.inner().player(&camera).ok().and_then(super::player::Player::shown);
+        let newest = session
+            .inner()
+            .player(&camera)
+            .ok()
+            .and_then(super::player::Player::shown);
         let key = |(number, frame): &(usize, Frame)| (*number, frame.time_s().to_bits());
         let Some((number, frame)) = newest.filter(|newest| last != Some(key(newest))) else {
             drop(session);

@@ -142,7 +142,9 @@ impl Session {
             return Err(user_error!("a run goes on; stop it first"));
         }
         if inner.waved.as_ref().is_some_and(Waved::goes_on) {
-            return Err(user_error!("the cameras are being calibrated; stop that first"));
+            return Err(user_error!(
+                "the cameras are being calibrated; stop that first"
+            ));
         }
         let cameras: Vec<OfCamera> = inner
             .players
@@ -324,13 +326,16 @@ fn see(
         return;
     };
     session.feed.show("rig", &about);
-    if is_live && session.feed.is_watched()
+    if is_live
+        && session.feed.is_watched()
         && let Ok(jpeg) = jpeg_of(&picture_of(frame))
     {
-        let circles = detections.iter().map(|one| {
-            json!({ "at_px": one.pixel, "radius_px": one.radius_px })
-        });
+        let circles = detections
+            .iter()
+            .map(|one| json!({ "at_px": one.pixel, "radius_px": one.radius_px }));
         let about = json!({ "index": number, "time_s": frame.time_s(), "balls": circles.collect::<Vec<_>>() });
-        session.feed.show_image(&format!("image/{name}"), &about, &jpeg);
+        session
+            .feed
+            .show_image(&format!("image/{name}"), &about, &jpeg);
     }
 }

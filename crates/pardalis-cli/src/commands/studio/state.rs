@@ -61,7 +61,8 @@ impl Inner {
         let written = |problem: &Problem, is_warning: bool| {
             // The page finds it.
             let is_missing_pose = parts.scene.cameras.iter().any(|camera| {
-                !camera.has_pose && problem.key == format!("cameras.{}.world_from_camera", camera.name)
+                !camera.has_pose
+                    && problem.key == format!("cameras.{}.world_from_camera", camera.name)
             });
             let message = if is_missing_pose && problem.message.starts_with("is missing") {
                 "is missing; choose above how to find it"

@@ -11,8 +11,8 @@ use pardalis_calibrate::{
 use pardalis_camera::Pose;
 use pardalis_scene::Scene;
 
-use super::Known;
 use super::super::observations::{self, Columns};
+use super::Known;
 use crate::draw::picture::picture_of;
 use crate::output::Shown;
 use crate::source::{Delivery, Source};
@@ -65,7 +65,10 @@ impl Alignment {
                 let of = |name: &String| all.iter().find(|(camera, _)| camera == name);
                 let names = scene.cameras.iter().map(|camera| &camera.name);
                 let points = names.map(|name| of(name).map_or(Vec::new(), |(_, p)| p.clone()));
-                Ok(Self::Points("the known points".to_owned(), points.collect()))
+                Ok(Self::Points(
+                    "the known points".to_owned(),
+                    points.collect(),
+                ))
             }
         }
     }

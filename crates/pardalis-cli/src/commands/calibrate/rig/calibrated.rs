@@ -114,7 +114,13 @@ impl CalibratedRig {
     }
 
     pub(in crate::commands) fn report(&self) -> Report<'_> {
-        Report::new(&self.scene, &self.seen, &self.found, &self.world, &self.ball)
+        Report::new(
+            &self.scene,
+            &self.seen,
+            &self.found,
+            &self.world,
+            &self.ball,
+        )
     }
 
     /// Returns the text of the calibration file of the rig.

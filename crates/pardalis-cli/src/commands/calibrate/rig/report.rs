@@ -4,9 +4,7 @@ use std::fmt::{self, Write as _};
 
 use anyhow::Result;
 use nalgebra::Point3;
-use pardalis_calibrate::{
-    BallRigCalibration, BallRigCamera, BallSighting, RigAlignment,
-};
+use pardalis_calibrate::{BallRigCalibration, BallRigCamera, BallSighting, RigAlignment};
 use pardalis_camera::{CalibratedCamera, Camera, Pose};
 use pardalis_scene::{CameraConfig, Scene};
 

@@ -116,7 +116,10 @@ fn next(source: &mut Source, until: &Until, watch: &Stopwatch) -> Option<Result<
         if !source.is_live() {
             return source.next();
         }
-        if until.duration_s.is_some_and(|end_s| watch.elapsed_s() >= end_s) {
+        if until
+            .duration_s
+            .is_some_and(|end_s| watch.elapsed_s() >= end_s)
+        {
             return None;
         }
         match source.poll_next() {
