@@ -84,10 +84,10 @@ export function boardTold(app, board) {
 }
 
 function nowOf(board) {
-  const { advice, newest, frames, share, tilted, left_out: leftOut } = board;
+  const { advice, fitted, newest, frames, share, tilted, left_out: leftOut } = board;
   const seen = newest?.reason ?? (newest ? "taken" : "waiting for a picture");
   return [
-    el("p", { class: "now", id: "board-advice" }, advice ?? "These views are enough: calibrate."),
+    el("p", { class: "now", id: "board-advice" }, advice ?? (fitted ? "Calibrated: use it, or show more views." : "These views are enough: calibrate.")),
     board.is_looking && el("p", { class: "none", id: "board-seen" }, `Now: ${seen}.`),
     el("p", { id: "board-count" }, el("strong", {}, `${frames.length} view${frames.length === 1 ? "" : "s"}`), ` · ${fixed(100 * share, 0)} % of the image · ${tilted} tilted`),
     leftOut.length > 0 && el("details", { id: "board-left-out", open: isOpen }, el("summary", { onclick: () => { isOpen = !isOpen; } }, "Left out"), el("ul", {}, leftOut.map(({ reason, count, last_frame: last }) => el("li", {}, `${count} × ${reason} (last in frame ${last + 1})`)))),
@@ -97,6 +97,7 @@ function nowOf(board) {
 let isOpen = false;
 
 function report(app, board) {
+  const isUsed = app.state.cameras.find(({ name }) => name === board.camera)?.calibration?.endsWith(".lens.toml");
   const { model: name, rms_px: rms, held_out_rms_px: heldOut, notes, warnings, report: text } = board.fitted;
   return [
     el("h3", {}, "Calibration"),
@@ -104,7 +105,7 @@ function report(app, board) {
     notes.map((note) => el("p", { class: "none" }, note)),
     warnings.length > 0 && el("ul", { class: "problems" }, warnings.map((warning) => el("li", { class: "warning" }, warning))),
     el("details", {}, el("summary", {}, "Report"), el("pre", { id: "board-report" }, text)),
-    button("Use it", async () => (await app.change("use_board")) && app.say("The lens is in the scene."), { id: "use-board", class: "primary" }),
+    button("Use it", async () => (await app.change("use_board")) && app.say("The lens is in the scene."), { id: "use-board", class: isUsed ? "" : "primary" }),
   ];
 }
 

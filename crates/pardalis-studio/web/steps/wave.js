@@ -2,7 +2,7 @@
 
 import { button, choice, el, field, fixed } from "../elements.js";
 
-const WORLDS = { scene: "Nothing: as the first camera sees it", points: "The known points", board: "A board that lies on the floor" };
+const WORLDS = { scene: "Nothing: the first camera's frame", points: "The known points", board: "A board that lies on the floor" };
 
 let world = null;
 let board = "checkerboard:9x6:0.025";
@@ -51,7 +51,7 @@ function report(app, { rows, notes, warnings }) {
     ),
     warnings.length > 0 && el("ul", { class: "problems" }, warnings.map((warning) => el("li", { class: "warning" }, warning))),
     el("details", {}, el("summary", {}, "What the figures mean"), notes.map((note) => el("p", { class: "none" }, note))),
-    button("Use it", async () => (await app.change("use_rig")) && app.say("The poses are in the scene."), { id: "use-rig", class: "primary" }),
+    button("Use it", async () => (await app.change("use_rig")) && app.say("The poses are in the scene."), { id: "use-rig", class: "primary", disabled: !app.state.can_use_rig }),
   ];
 }
 
@@ -73,6 +73,8 @@ export function renderWave(app, points) {
   const count = known.reduce((sum, [, list]) => sum + list.length, 0);
   const isLive = app.state.cameras.some(({ source }) => source?.is_live);
   const isGuessed = app.state.guesses.some(({ step }) => step === "camera");
+  const isPosed = app.state.cameras.some(({ has_pose: hasPose }) => hasPose);
+  const nameOf = (id) => (id === "points" ? `${WORLDS.points} (${count})` : id === "scene" && isPosed ? "The first camera that has a pose" : WORLDS[id]);
   const where = world ?? (count > 0 ? "points" : "scene");
   if (rig?.goes_on) {
     const stop = (isCancelled) => app.change("stop_waving", { is_cancelled: isCancelled });
@@ -94,7 +96,7 @@ export function renderWave(app, points) {
     rig?.error && el("p", { class: "bad", id: "wave-error" }, rig.error),
     rig?.report && report(app, rig.report),
     el("p", {}, `Wave ${ball.name} to and fro, near and far, up and down, where two cameras or more see it, without a pause. Its diameter gives the scale: ${fixed(200 * ball.radius_m, 1)} cm${diameter}.`),
-    field("What says where the room is", choice(Object.entries(WORLDS).map(([id, name]) => [id, id === "points" ? `${name} (${count})` : name]), where, (value) => { world = value; app.render(); }, { id: "wave-world" })),
+    field("What says where the room is", choice(Object.keys(WORLDS).map((id) => [id, nameOf(id)]), where, (value) => { world = value; app.render(); }, { id: "wave-world" })),
     where === "points" && count < 4 && el("p", { class: "none" }, "Click at least four under Known points, in one camera or in several."),
     where === "board" && field("Board", el("input", { type: "text", id: "wave-board", value: board, spellcheck: "false", onchange: (event) => { board = event.target.value.trim(); } }), "At rest in view of a camera at the beginning."),
     isLive && field("Seconds", el("input", { type: "number", id: "wave-seconds", min: 5, max: 3600, value: seconds, onchange: (event) => { seconds = Number(event.target.value); } })),

@@ -5,6 +5,8 @@ mod answers;
 #[cfg(feature = "studio")]
 mod board;
 #[cfg(feature = "studio")]
+mod collected;
+#[cfg(feature = "studio")]
 mod edits;
 #[cfg(feature = "studio")]
 mod places;
@@ -28,6 +30,8 @@ mod session;
 mod state;
 #[cfg(feature = "studio")]
 mod steps;
+#[cfg(feature = "studio")]
+mod waved;
 
 use std::net::IpAddr;
 use std::path::PathBuf;

@@ -1,15 +1,16 @@
 //! The poses of all cameras from a ball that is waved, as `calibrate rig` finds them.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, Weak};
 
 use anyhow::{Context as _, Result};
 use pardalis::Frame;
 use pardalis_calibrate::{BallRigSettings, Detection};
 use serde::Deserialize;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::pose::KnownPoints;
 use super::session::Session;
+use super::waved::{OfCamera, Seen, Waved, lock};
 use crate::board::parse_with;
 use crate::commands::calibrate::rig::{CalibratedRig, Known, Task};
 use crate::commands::calibrate::time::detect::Until;
@@ -40,79 +41,6 @@ pub(super) struct RigOf {
 pub(super) struct RigStop {
     /// Whether nothing is calibrated from what was seen so far.
     is_cancelled: bool,
-}
-
-/// A rig that is calibrated, or was.
-pub(super) struct Waved {
-    shared: Arc<Mutex<Seen>>,
-    stop: Stop,
-}
-
-impl Waved {
-    /// Reports whether the cameras are in use.
-    pub(super) fn goes_on(&self) -> bool {
-        lock(&self.shared).goes_on
-    }
-}
-
-impl Drop for Waved {
-    fn drop(&mut self) {
-        lock(&self.shared).is_cancelled = true;
-        self.stop.request();
-    }
-}
-
-/// What came of it so far.
-struct Seen {
-    /// The text of the scene of which the cameras are.
-    text: Arc<str>,
-    cameras: Vec<OfCamera>,
-    began_s: f64,
-    duration_s: Option<f64>,
-    goes_on: bool,
-    is_cancelled: bool,
-    done: Option<Result<CalibratedRig, String>>,
-}
-
-/// What a camera has seen so far.
-struct OfCamera {
-    name: String,
-    is_live: bool,
-    frame_count: Option<usize>,
-    frames: usize,
-    found: usize,
-    shown_s: f64,
-}
-
-impl Seen {
-    /// Returns what the page shows.
-    fn about(&self) -> Value {
-        let cameras = self.cameras.iter().map(|camera| {
-            json!({
-                "name": camera.name,
-                "frames": camera.frames,
-                "frame_count": camera.frame_count,
-                "found": camera.found,
-            })
-        });
-        let report = self.done.as_ref().and_then(|done| {
-            let report = done.as_ref().ok()?.report();
-            Some(json!({ "rows": report.rows(), "notes": report.notes(), "warnings": report.warnings() }))
-        });
-        json!({
-            "goes_on": self.goes_on,
-            "cameras": cameras.collect::<Vec<_>>(),
-            "elapsed_s": now_s() - self.began_s,
-            "duration_s": self.duration_s,
-            "report": report,
-            "error": self.done.as_ref().and_then(|done| done.as_ref().err()),
-        })
-    }
-}
-
-fn lock(shared: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
-    // Each change is whole.
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Session {
@@ -207,9 +135,7 @@ impl Session {
         let waved = inner.waved.as_ref();
         let shared = waved.map(|waved| Arc::clone(&waved.shared));
         let path = inner.project.path().to_owned();
-        let is_same = shared
-            .as_ref()
-            .is_some_and(|shared| lock(shared).text == inner.project.now().text);
+        let is_same = waved.is_some_and(|waved| waved.is_of(&inner.project.now().text));
         drop(inner);
         let missing = || user_error!("the cameras are not calibrated yet; wave the ball first");
         let shared = shared.ok_or_else(missing)?;

@@ -5,9 +5,9 @@ use std::sync::{Arc, Weak};
 use anyhow::Result;
 use serde_json::{Value, json};
 
-use super::rig::Waved;
 use super::running::Running;
 use super::session::Session;
+use super::waved::Waved;
 use crate::scene;
 use crate::tracking::Watch;
 use crate::user_error::user_error;

@@ -7,12 +7,12 @@ use anyhow::Result;
 use pardalis_studio::Feed;
 use serde_json::Value;
 
-use super::board::Held;
+use super::collected::Held;
 use super::places::Places;
 use super::player::Player;
 use super::project::{Project, State};
-use super::rig::Waved;
 use super::running::Running;
+use super::waved::Waved;
 use crate::commands::learn::samples::Learnt;
 use crate::scene::{self, Parts};
 use crate::user_error::user_error;

@@ -92,6 +92,7 @@ impl Inner {
             "guesses": guessed.iter().map(|key| json!({ "key": key, "step": Step::of(key).name() })).collect::<Vec<_>>(),
             "cameras": parts.scene.cameras.iter().map(|camera| self.camera(camera)).collect::<Vec<_>>(),
             "targets": parts.scene.targets.iter().map(|target| self.target(target)).collect::<Vec<_>>(),
+            "can_use_rig": self.waved.as_ref().is_some_and(|waved| waved.is_of(&now.text)),
             "run": self.running.as_ref().map(super::running::Running::about),
         })
     }

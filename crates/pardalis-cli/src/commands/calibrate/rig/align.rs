@@ -1,6 +1,6 @@
 //! Where the world of a calibrated rig is: as in the scene, by known points, by places of the ball, or by a board.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use nalgebra::Point3;
@@ -12,7 +12,6 @@ use pardalis_camera::Pose;
 use pardalis_scene::Scene;
 
 use super::super::observations::{self, Columns};
-use super::Known;
 use crate::draw::picture::picture_of;
 use crate::output::Shown;
 use crate::source::{Delivery, Source};
@@ -33,6 +32,19 @@ pub(super) struct Ball {
     pub(super) radius_m: f64,
     /// Standard deviation of its radius, as a share of it.
     pub(super) tolerance: f64,
+}
+
+/// What says where the world is.
+pub(in crate::commands) enum Known {
+    /// The poses in the scene, if there are any.
+    Scene,
+    /// Points or places in a table.
+    File(PathBuf),
+    /// Points that cameras see, by their names.
+    #[cfg(feature = "studio")]
+    Points(Vec<(String, Vec<Correspondence>)>),
+    /// A board at rest in view.
+    Board(Board),
 }
 
 /// How the world frame is defined.

@@ -1,14 +1,13 @@
 //! The calibration of a rig, for the command and for the studio.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Result;
 use pardalis::Frame;
 use pardalis::shape::Shape;
 use pardalis::tracker::{DetectedSettings, Region, SizeTolerance};
-use pardalis_calibrate::board::Board;
 use pardalis_calibrate::{
-    BallRigCalibration, BallRigSettings, Correspondence, Detection, TimedCamera, calibrate_ball_rig,
+    BallRigCalibration, BallRigSettings, Detection, TimedCamera, calibrate_ball_rig,
 };
 use pardalis_camera::Camera;
 use pardalis_camera::formats::Lens;
@@ -17,7 +16,7 @@ use pardalis_scene::{BodyConfig, CameraSetting, Scene, calibration, with_camera_
 
 use super::super::time::detect::{Until, detect, settings};
 use super::super::time::target;
-use super::align::{Alignment, Ball, World};
+use super::align::{Alignment, Ball, Known, World};
 use super::report::{self, Report};
 use crate::output::Shown;
 use crate::scene;
@@ -34,19 +33,6 @@ pub(in crate::commands) struct Task<'a> {
     pub(in crate::commands) known: Known,
     pub(in crate::commands) settings: BallRigSettings,
     pub(in crate::commands) until: Until,
-}
-
-/// What says where the world is.
-pub(in crate::commands) enum Known {
-    /// The poses in the scene, if there are any.
-    Scene,
-    /// Points or places in a table.
-    File(PathBuf),
-    /// Points that cameras see, by their names.
-    #[cfg(feature = "studio")]
-    Points(Vec<(String, Vec<Correspondence>)>),
-    /// A board at rest in view.
-    Board(Board),
 }
 
 /// A rig that was calibrated with a ball.

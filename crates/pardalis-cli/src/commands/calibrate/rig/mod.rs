@@ -19,7 +19,8 @@ use crate::files::write_file;
 use crate::output::{Shown, print};
 use crate::scene;
 use crate::user_error::user_error;
-pub(in crate::commands) use calibrated::{CalibratedRig, Known, Task};
+pub(in crate::commands) use align::Known;
+pub(in crate::commands) use calibrated::{CalibratedRig, Task};
 
 /// Calibrates the poses and clocks of several cameras with a ball that is waved through the room
 ///
