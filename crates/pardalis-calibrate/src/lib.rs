@@ -4,6 +4,7 @@
 //! | to find | from | use |
 //! |---|---|---|
 //! | the corners of a checkerboard, ChArUco board or AprilGrid | an image | [`board::detect`] |
+//! | views of a board that is moved by hand which add something | its corners in frames | [`board::Collection`] |
 //! | intrinsics and poses | points with known positions, or several views of a board | [`calibrate`] |
 //! | the pose of a calibrated camera | four points in a plane, or six | [`fit_pose`] |
 //! | the relative poses of several cameras | simultaneous views of a board | [`calibrate_rig`] |

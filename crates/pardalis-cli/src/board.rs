@@ -84,11 +84,19 @@ pub(crate) fn parse_board(argument: &str) -> Result<Board> {
     parse_with(argument, read_text)
 }
 
+/// Returns the board that words describe, for a page that may not name files.
+#[cfg(feature = "studio")]
+pub(crate) fn parse_words(argument: &str) -> Result<Board> {
+    let no_file = |_: &Path| {
+        Err(user_error!(
+            "describe the board in words, such as checkerboard:9x6:0.025"
+        ))
+    };
+    parse_with(argument, no_file)
+}
+
 /// Like [`parse_board`]; `read_text` returns the text of the file at a path.
-pub(crate) fn parse_with(
-    argument: &str,
-    read_text: impl Fn(&Path) -> Result<String>,
-) -> Result<Board> {
+fn parse_with(argument: &str, read_text: impl Fn(&Path) -> Result<String>) -> Result<Board> {
     let path = Path::new(argument);
     let file = match path.extension().and_then(|extension| extension.to_str()) {
         Some("toml") => from_toml(argument, &read_text(path)?)?,

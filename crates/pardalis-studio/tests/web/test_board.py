@@ -6,7 +6,7 @@ import subprocess
 import tomllib
 
 from playwright.sync_api import expect
-from studio_fixtures import DATA, run, until
+from studio_fixtures import DATA, ROOT, run, until
 
 BOARDS = DATA / "calibration/dioptric"
 STEREO = DATA / "calibration/opencv-stereo"
@@ -152,3 +152,30 @@ def test_boards_that_are_described_wrongly_are_refused_with_the_remedy(studio, t
     assert "not calibrated yet" in one.ask("use_board")["error"]
     assert one.ask("state")["text"] == before
     one.errors.clear()
+
+
+def test_boards_with_markers_are_described_in_any_unit(studio, tmp_path):
+    pictures = ROOT / "crates/pardalis-calibrate/tests/boards"
+    boards = {"charuco": ("cm", {"columns": 5, "rows": 7, "side": 4, "marker": 3, "dictionary": "DICT_4X4_50"}), "aprilgrid": ("mm", {"columns": 6, "rows": 6, "side": 40, "gap": 0.3})}
+    for kind in boards:
+        (tmp_path / kind).mkdir()
+        for name in ("turned", "whole"):
+            shutil.copy(pictures / f"{kind}_{name}.jpg", tmp_path / kind)
+        (tmp_path / kind / "times.csv").write_text("frame,time_s\n0,0\n1,1\n")
+    one = studio(*boards)
+    page = one.page
+    one.step("camera")
+    page.click("#way-board")
+    for kind, (unit, values) in boards.items():
+        # The second camera has the name of the folder, or a number.
+        page.locator(".tabs button[id^=tab-]").nth(list(boards).index(kind)).click()
+        page.select_option("#board-kind", kind)
+        page.select_option("#board-unit", unit)
+        for name, value in values.items():
+            page.fill(f"#board-{name}", str(value))
+            page.keyboard.press("Tab")
+        page.click("#look")
+        expect(page.locator("#board-count")).to_contain_text("2 views")
+        # One camera at a time.
+        page.click("#forget-board")
+        expect(page.locator("#board-kind")).to_be_visible()

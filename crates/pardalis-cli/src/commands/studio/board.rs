@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::collected::{Collected, GOOD_VIEWS, Held, LEAST_VIEWS, lock};
 use super::edits::with_lens;
 use super::session::Session;
-use crate::board::parse_with;
+use crate::board::parse_words;
 use crate::commands::calibrate::held::calibrate;
 use crate::commands::init::text::{Calibration, CameraText};
 use crate::draw::picture::picture_of;
@@ -42,13 +42,7 @@ pub(super) struct ModelOf {
 impl Session {
     /// Begins to look for a board in the pictures of a camera.
     pub(super) fn look_for_board(&self, of: &BoardOf) -> Result<()> {
-        // Files are named only below the folders of the command line.
-        let no_file = |_: &std::path::Path| {
-            Err(user_error!(
-                "describe the board in words, such as checkerboard:9x6:0.025"
-            ))
-        };
-        let board = parse_with(&of.board, no_file)?;
+        let board = parse_words(&of.board)?;
         let mut inner = self.inner();
         inner.player(&of.camera)?;
         // Views of the same board go on.

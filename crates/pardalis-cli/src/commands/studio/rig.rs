@@ -11,7 +11,7 @@ use serde_json::json;
 use super::pose::KnownPoints;
 use super::session::Session;
 use super::waved::{OfCamera, Seen, Waved, lock};
-use crate::board::parse_with;
+use crate::board::parse_words;
 use crate::commands::calibrate::rig::{CalibratedRig, Known, Task};
 use crate::commands::calibrate::time::detect::Until;
 use crate::draw::picture::{jpeg_of, picture_of};
@@ -46,17 +46,11 @@ pub(super) struct RigStop {
 impl Session {
     /// Begins to look for the ball in all cameras.
     pub(super) fn wave(&self, of: RigOf) -> Result<()> {
-        // Files are named only below the folders of the command line.
-        let no_file = |_: &std::path::Path| {
-            Err(user_error!(
-                "describe the board in words, such as checkerboard:9x6:0.025"
-            ))
-        };
         if !(of.duration_s > 0.0 && of.duration_s <= 3600.0) {
             return Err(user_error!("duration_s: allowed: above 0 and at most 3600"));
         }
         let known = match &of.board {
-            Some(board) => Known::Board(parse_with(board, no_file)?),
+            Some(board) => Known::Board(parse_words(board)?),
             None if of.points.is_empty() => Known::Scene,
             None => {
                 let points = of.points.iter();
@@ -80,7 +74,7 @@ impl Session {
             .map(|(name, player)| OfCamera {
                 name: name.clone(),
                 is_live: player.is_live(),
-                frame_count: player.about()["frame_count"].as_u64().map(|n| n as usize),
+                frame_count: player.frame_count(),
                 frames: 0,
                 found: 0,
                 shown_s: 0.0,
