@@ -18,6 +18,7 @@ use crate::platforms::PlatformRows;
 use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
 use crate::scene_files::{SceneFiles, read_calibration, read_text, resolve};
+use crate::shell_word::shell_word;
 use crate::source::decode::media_kind;
 use crate::source::images::image_names;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
@@ -50,6 +51,20 @@ pub(crate) fn read_scene_text(path: &Path) -> Result<String> {
         return Err(user_error!(
             "{name}: cannot be read: there is no such file; check the name, or write a scene with `pardalis init`"
         ));
+    }
+    if path.is_dir() {
+        let scene = path.join("scene.toml");
+        return Err(if scene.is_file() {
+            user_error!(
+                "{name}: is a folder; give the scene in it: {}",
+                scene.shown()
+            )
+        } else {
+            user_error!(
+                "{name}: is a folder without scene.toml; give a scene, or write one with `pardalis init {}`",
+                shell_word(path)
+            )
+        });
     }
     match media_kind(path) {
         Some("image") => Err(user_error!(

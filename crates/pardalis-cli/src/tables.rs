@@ -534,6 +534,9 @@ fn csv_error(path: &Path, error: &csv::Error) -> anyhow::Error {
         ErrorKind::Io(_) if is_folder => {
             user_error!("{path}: is a folder; give the CSV file in it")
         }
+        ErrorKind::Io(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            user_error!("{path}: there is no such file; check the name")
+        }
         ErrorKind::Io(error) => {
             user_error!("{path}: {error}; give a CSV file")
         }

@@ -14,15 +14,16 @@ pub(crate) fn now_s() -> f64 {
     START.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
-/// Returns the seconds since the beginning of 1970, UTC, by the clock of this computer.
+/// Returns a time of [`now_s`] in seconds since the beginning of 1970, UTC, by the clock of this computer.
 #[expect(
     clippy::disallowed_methods,
-    reason = "estimates that are sent carry the time when they are"
+    reason = "estimates that are sent carry the times of capture and sending"
 )]
-pub(crate) fn unix_s() -> f64 {
+pub(crate) fn unix_s_at(time_s: f64) -> f64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     // A clock before 1970 is as wrong as one at it.
-    since.map_or(0.0, |since| since.as_secs_f64())
+    let unix_s = since.map_or(0.0, |since| since.as_secs_f64());
+    unix_s - (now_s() - time_s)
 }
 
 /// A stopwatch for durations.

@@ -327,6 +327,38 @@ def test_init_writes_a_scene_of_a_recording(recording, tracked, tmp_path):
         pardalis.track(recording, tmp_path / "tracks")
 
 
+def test_colours_are_learnt_and_lenses_shown_from_a_recording(recording, tmp_path):
+    truth = pandas.read_csv(RIG / "truth.csv")
+    seen = truth[(truth["camera"] == "cam2") & (truth["frame"].isin([3, 20]))]
+    labels = {row.frame: f"{row.u_px:.1f},{row.v_px:.1f},20" for row in seen.itertuples()}
+    of_recording, of_images = (["learn", "-o", tmp_path / f"{name}.toml", "--no-pictures"] for name in ("recording", "images"))
+    of_recording += ["--image", recording, "--topic", "/cam2/image"]
+    for number, label in labels.items():
+        of_recording += ["--frame", number, "--circle", label]
+        of_images += ["--image", file_of("cam2", number), "--circle", label]
+    pardalis.run(*of_recording)
+    pardalis.run(*of_images)
+
+    def model(name):
+        return [line for line in (tmp_path / f"{name}.toml").read_text().splitlines() if not line.startswith("#")]
+
+    assert model("recording") == model("images")
+
+    def error(*arguments):
+        with pytest.raises(ValueError) as raised:
+            pardalis.run("learn", "-o", tmp_path / "none.toml", *arguments)
+        return str(raised.value)
+
+    circle = ["--circle", labels[3]]
+    assert "has several topics with images" in error("--image", recording, "--frame", 3, *circle)
+    assert "which of its images is meant? Add --frame" in error("--image", recording, "--topic", "/cam2/image", *circle)
+    assert "there is no such frame" in error("--image", recording, "--topic", "/cam2/image", "--frame", 999, *circle)
+    assert "put it directly after the --image" in error("--topic", "/cam2/image", "--image", recording, *circle)
+    assert "leave --topic out" in error("--image", file_of("cam2", 3).with_suffix(".mp4"), "--topic", "/a", "--frame", 3, *circle)
+    shown = pardalis.run("camera", "show", recording, "--camera", "cam2")
+    assert "cam2" in shown and "pinhole" in shown, shown
+
+
 def test_init_leaves_out_what_it_cannot_read_and_keeps_lenses_with_topics(tmp_path):
     calibration = {
         "height": 240, "width": 320, "distortion_model": "plumb_bob", "d": [0.0] * 5, "k": [330.0, 0, 159.5, 0, 330, 119.5, 0, 0, 1],

@@ -46,7 +46,7 @@ pub use start::{StartConfig, TrackStart};
 pub use target::{BodyConfig, TargetConfig, TrackingConfig};
 pub use video::{
     DeviceCodec, Hardware, Protocol, RtspTransport, VideoFormat, VideoInput, VideoPlace,
-    VideoSettings,
+    VideoSettings, WhenBehind,
 };
 pub use world::WorldConfig;
 

@@ -57,6 +57,8 @@ pub struct VideoSettings {
     pub reopen_s: Option<f64>,
     /// Whether a file is read at the rate of its time stamps, as if it were live.
     pub real_time: bool,
+    /// What happens to waiting frames while tracking is slower than a live source; `None` depends on the source.
+    pub when_behind: Option<WhenBehind>,
 }
 
 /// Declares an enum whose values are words of scene files and names of ffmpeg.
@@ -129,6 +131,14 @@ words! {
 }
 
 words! {
+    /// What happens to waiting frames while tracking is slower than a live source.
+    WhenBehind {
+        Drop = "drop",
+        Wait = "wait",
+    }
+}
+
+words! {
     /// An interface to decoders in hardware.
     Hardware {
         Auto = "auto",
@@ -174,6 +184,23 @@ impl VideoInput {
         let is_part = self.settings.duration_s.is_some();
         let default_s = if is_part { 0.0 } else { default_s };
         self.settings.reopen_s.unwrap_or(default_s)
+    }
+
+    /// Returns what happens to waiting frames while tracking is slower than this live source: cameras go on, and what may be a recording waits.
+    pub fn when_behind(&self) -> WhenBehind {
+        let is_camera = self.settings.real_time
+            || self.settings.format == Some(VideoFormat::Mpjpeg)
+            || matches!(
+                self.place,
+                VideoPlace::Device(_)
+                    | VideoPlace::Address(Protocol::Rtsp | Protocol::Rtp | Protocol::Udp, _)
+            );
+        let default = if is_camera {
+            WhenBehind::Drop
+        } else {
+            WhenBehind::Wait
+        };
+        self.settings.when_behind.unwrap_or(default)
     }
 
     /// Returns the file or the camera of Linux of this name.
@@ -284,6 +311,13 @@ pub(super) fn read_settings(camera: &Table) -> Option<VideoSettings> {
                         "Read a file at the rate of its time stamps, as if it were live.",
                     )
                     .or(false),
+                when_behind: table
+                    .key(
+                        "when_behind",
+                        "What happens while tracking is slower than a live source: `drop` leaves out the oldest frames that wait, so that estimates stay current; `wait` uses all, and the sender waits or loses some.",
+                    )
+                    .depends("`drop` for devices, `rtsp`, `rtp`, `udp`, the format `mpjpeg` and `real_time`; `wait` for pipes, `tcp`, `http` and `https`, which may be recordings")
+                    .optional(),
             })
         },
     )
@@ -314,6 +348,12 @@ pub(super) fn combine(
     for (key, is_given, applies, to) in [
         ("start_s", settings.start_s.is_some(), is_file, "files"),
         ("real_time", settings.real_time, is_file, "files"),
+        (
+            "when_behind",
+            settings.when_behind.is_some(),
+            !is_file || settings.real_time,
+            "devices, addresses, pipes, and files with real_time",
+        ),
         (
             "reopen_s",
             settings.reopen_s.is_some(),

@@ -17,7 +17,7 @@ pub(crate) const MAX_MESSAGE_BYTES: usize = 64;
 const PING: Duration = Duration::from_secs(20);
 
 /// A page is gone if nothing comes from it for so long, or if it does not take a message for so long.
-const GONE: Duration = Duration::from_mins(1);
+pub(crate) const GONE: Duration = Duration::from_mins(1);
 
 /// Serves a page until it is gone or breaks the rules.
 pub(crate) async fn serve(mut socket: WebSocket, feed: Feed) {

@@ -8,7 +8,7 @@ use std::{io, thread};
 
 use axum::Router;
 use axum::body::{Body, to_bytes};
-use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::ws::{WebSocket, WebSocketUpgrade};
 use axum::extract::{FromRequestParts, Path, Request, State};
 use axum::http::{HeaderName, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
@@ -25,12 +25,13 @@ use tokio::time::timeout;
 use crate::assets::{Asset, FILES, PAGE};
 use crate::feed::Feed;
 use crate::guard::{Guard, Refusal, random};
+use crate::lines::{self, Lines};
 use crate::live::{self, MAX_MESSAGE_BYTES};
 
 /// The most connections at a time; further ones are closed at once.
 const MAX_CONNECTIONS: usize = 128;
-/// The most pages that are open at a time.
-const MAX_PAGES: usize = 16;
+/// The most pages and readers of lines at a time.
+const MAX_SOCKETS: usize = 16;
 /// The most requests that the program answers at a time.
 const MAX_REQUESTS: usize = 8;
 /// The longest body of a request, in bytes.
@@ -80,6 +81,8 @@ pub struct Extension {
     pub assets: Vec<Asset>,
     /// The import map of the page, in JSON; empty for none.
     pub import_map: String,
+    /// What other programs read at `/lines`.
+    pub lines: Lines,
 }
 
 struct Shared {
@@ -89,8 +92,9 @@ struct Shared {
     page: String,
     program: Arc<dyn Program>,
     feed: Feed,
+    lines: Lines,
     requests: Semaphore,
-    pages: Arc<Semaphore>,
+    sockets: Arc<Semaphore>,
 }
 
 type App = State<Arc<Shared>>;
@@ -122,8 +126,9 @@ impl Server {
             page: PAGE.replace("{{imports}}", imports),
             program,
             feed,
+            lines: extension.lines,
             requests: Semaphore::new(MAX_REQUESTS),
-            pages: Arc::new(Semaphore::new(MAX_PAGES)),
+            sockets: Arc::new(Semaphore::new(MAX_SOCKETS)),
         };
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
@@ -197,6 +202,7 @@ fn router(shared: Shared) -> Router {
     Router::new()
         .route("/api/{request}", post(request))
         .route("/live", get(page_socket))
+        .route("/lines", get(lines_socket))
         .fallback(get(file))
         .layer(middleware::from_fn_with_state(Arc::clone(&shared), guarded))
         .with_state(shared)
@@ -317,21 +323,36 @@ async fn read(body: Body) -> Result<axum::body::Bytes, Refusal> {
 
 /// Opens the WebSocket of a page.
 async fn page_socket(State(shared): App, request: Request) -> Response {
+    let feed = shared.feed.clone();
+    open_socket(&shared, request, |socket| live::serve(socket, feed)).await
+}
+
+/// Opens the WebSocket of a program that reads lines.
+async fn lines_socket(State(shared): App, request: Request) -> Response {
+    let reader = shared.lines.reader();
+    open_socket(&shared, request, |socket| lines::serve(socket, reader)).await
+}
+
+/// Opens a WebSocket, as many at a time as are allowed, and serves it.
+async fn open_socket<F: Future<Output = ()> + Send + 'static>(
+    shared: &Shared,
+    request: Request,
+    serve: impl FnOnce(WebSocket) -> F + Send + 'static,
+) -> Response {
     let (mut parts, _) = request.into_parts();
     let upgrade = match WebSocketUpgrade::from_request_parts(&mut parts, &()).await {
         Ok(upgrade) => upgrade,
         Err(rejection) => return rejection.into_response(),
     };
-    let Ok(slot) = Arc::clone(&shared.pages).try_acquire_owned() else {
-        let what = "too many pages are open; close some";
+    let Ok(slot) = Arc::clone(&shared.sockets).try_acquire_owned() else {
+        let what = "too many pages and readers are open; close some";
         return refused((StatusCode::SERVICE_UNAVAILABLE, what.to_owned()));
     };
-    let feed = shared.feed.clone();
     upgrade
         .max_message_size(MAX_MESSAGE_BYTES)
         .max_frame_size(MAX_MESSAGE_BYTES)
         .on_upgrade(async move |socket| {
-            live::serve(socket, feed).await;
+            serve(socket).await;
             drop(slot);
         })
 }

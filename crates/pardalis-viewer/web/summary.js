@@ -42,9 +42,9 @@ function targets(summary) {
 function cameras(summary) {
   const rows = Object.entries(summary.cameras ?? {}).map(([name, camera]) => {
     const frames = camera.frames ?? {};
-    return [name, camera.source?.input ?? "", frames.delivered, frames.used, frames.dropped_late, frames.frozen];
+    return [name, camera.source?.input ?? "", frames.delivered, frames.used, frames.dropped_late, frames.overtaken, frames.frozen];
   });
-  return table(["camera", "input", "frames", "used", "late", "frozen"], rows);
+  return table(["camera", "input", "frames", "used", "late", "overtaken", "frozen"], rows);
 }
 
 function section(title, content) {

@@ -75,6 +75,13 @@ pub(crate) fn warnings(run: &Run) -> String {
                 record.frames.dropped_late, run.open.scene.max_delay_s
             );
         }
+        if 20 * record.frames.overtaken > record.frames.delivered {
+            let _ = writeln!(
+                text,
+                "warning: cameras.{name}: tracking was slower than the camera, so {} of its {} frames were left out; lower its frame rate or its size (docs/videos.md)",
+                record.frames.overtaken, record.frames.delivered
+            );
+        }
         if 2 * record.frames.used < record.frames.delivered {
             let _ = writeln!(
                 text,
@@ -163,12 +170,13 @@ fn camera_table(run: &Run) -> String {
         return String::new();
     }
     let mut text = format!(
-        "{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16}",
+        "{:<16}{:>9}{:>9}{:>12}{:>9}{:>11}{:>8}{:>10}{:>8}{:>16}",
         "camera",
         "frames",
         "used",
         "sorted in",
-        "dropped",
+        "too late",
+        "overtaken",
         "frozen",
         "repeated",
         "broken",
@@ -186,12 +194,13 @@ fn camera_table(run: &Run) -> String {
         let frames = &records[number].frames;
         let _ = write!(
             text,
-            "\n{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16.3}",
+            "\n{:<16}{:>9}{:>9}{:>12}{:>9}{:>11}{:>8}{:>10}{:>8}{:>16.3}",
             camera.name,
             frames.delivered,
             frames.used,
             frames.sorted_in_late,
             frames.dropped_late,
+            frames.overtaken,
             frames.frozen,
             frames.repeated,
             frames.broken,
@@ -257,6 +266,14 @@ pub(crate) fn summary(run: &Run) -> String {
         }
     }
     text += &camera_table(run);
+    if let Some(latency) = outcome.latency {
+        let [median, p99, max] =
+            [latency.median_s, latency.p99_s, latency.max_s].map(|s| format!("{:.1} ms", 1e3 * s));
+        let _ = writeln!(
+            text,
+            "latency: median {median}, 99 % below {p99}, at most {max}"
+        );
+    }
     for line in &run.sent {
         let _ = writeln!(text, "{line}");
     }

@@ -43,6 +43,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     } else {
         arguments.tracks.clone()
     };
+    if !tracks.exists() || tracks.ends_with(SUMMARY) {
+        return Err(user_error!(
+            "{}: {}; give the folder with the results of `pardalis track`, or a file with rows in it, such as tracks.csv",
+            arguments.tracks.shown(),
+            if arguments.tracks.is_dir() {
+                "there is no tracks.csv in this folder"
+            } else if tracks.exists() {
+                "has the summary and not the rows"
+            } else {
+                "there is no such file"
+            }
+        ));
+    }
     let folder = match tracks.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),

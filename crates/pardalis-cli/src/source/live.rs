@@ -33,8 +33,9 @@ const SET_FORWARD_S: f64 = 5.0;
 /// Number of jumps of a camera's clock that are reported; all are counted.
 const NAMED_JUMPS: usize = 3;
 
-/// How long to wait before each attempt to open a source again: long enough for a device to be released.
-const PAUSE: Duration = Duration::from_millis(500);
+/// How long to wait before attempts to open a source again: before the first, long enough for a device to be released, then twice as long each time, up
+/// to the second.
+const PAUSES: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(2)];
 
 /// Time stamps continue if they advance like this computer's clock between the frames before and after a failure, up to so
 /// many seconds. Otherwise the clock of the source has started anew.
@@ -106,7 +107,9 @@ impl Again {
         };
         warn(format!("{why:#}; opening it again for {limit_s} s"));
         let watch = Stopwatch::start();
-        while watch.elapsed_s() < limit_s && !running.is_stopped_after(PAUSE) {
+        let [mut pause, longest_pause] = PAUSES;
+        while watch.elapsed_s() < limit_s && !running.is_stopped_after(pause) {
+            pause = (2 * pause).min(longest_pause);
             let opened = self
                 .programs
                 .decode_live(&self.video)

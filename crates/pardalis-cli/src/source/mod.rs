@@ -24,7 +24,7 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use pardalis::color::YuvEncoding;
 use pardalis::{Frame, PixelFormat};
-use pardalis_scene::{FrameRange, VideoInput};
+use pardalis_scene::{FrameRange, VideoInput, WhenBehind};
 use serde::Serialize;
 
 use crate::interrupt;
@@ -200,6 +200,8 @@ pub(crate) struct Source {
     /// `None` if it is not known before the frames are read.
     span: Option<TimeSpan>,
     is_live: bool,
+    /// See [`Source::keeps_up`].
+    keeps_up: bool,
     /// What the user should know although the source opens.
     warning: Option<String>,
     counters: Counters,
@@ -256,6 +258,7 @@ impl Source {
                 };
                 let mut source = Self::start(description, clock, config.time_offset_s, frames)?;
                 source.is_live = is_live;
+                source.keeps_up = is_live && video.when_behind() == WhenBehind::Drop;
                 source.warning = warning;
                 source.process = Some(process);
                 source.span = span.map(|span| span.moved(config.time_offset_s));
@@ -334,6 +337,7 @@ impl Source {
             description,
             span: None,
             is_live: false,
+            keeps_up: false,
             warning: None,
             counters: Counters::default(),
             peeked: VecDeque::new(),
@@ -360,6 +364,11 @@ impl Source {
     /// Reports whether frames arrive while they are taken, from a device or a stream.
     pub(crate) fn is_live(&self) -> bool {
         self.is_live
+    }
+
+    /// Reports whether its oldest frames are dropped while tracking is slower, rather than held back with the sender.
+    pub(crate) fn keeps_up(&self) -> bool {
+        self.keeps_up
     }
 
     /// Returns what the user should know although the source opens.

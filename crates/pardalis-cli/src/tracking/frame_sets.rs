@@ -6,6 +6,7 @@ use std::time::Duration;
 use pardalis::Frame;
 use serde::Serialize;
 
+use super::latency::CaptureClock;
 use super::merge::{FrameCounts, FrameSet, Limit, Merge};
 use crate::interrupt::Stop;
 use crate::source::{Delivery, Source};
@@ -14,8 +15,8 @@ use crate::timing::now_s;
 /// Polling interval of live cameras.
 const POLL: Duration = Duration::from_millis(1);
 
-/// Number of frames that are taken from a live camera before others get their turn.
-const TAKEN_AT_ONCE: usize = 4;
+/// Number of frames that are taken from a live camera before others get their turn: where all are used, and where the oldest are dropped.
+const TAKEN_AT_ONCE: [usize; 2] = [4, 64];
 
 /// Number of broken images per camera that are reported by name; all are counted.
 const NAMED_BROKEN: usize = 3;
@@ -54,6 +55,8 @@ pub(crate) struct FrameSets<'a> {
     /// Why each source failed.
     failures: Vec<Option<String>>,
     merge: Merge,
+    /// The clocks of live cameras.
+    clocks: Vec<CaptureClock>,
     /// Warnings that have not been printed yet.
     warnings: Vec<String>,
     stop: Stop,
@@ -69,12 +72,20 @@ impl<'a> FrameSets<'a> {
         limit: Limit,
         stop: Stop,
     ) -> Self {
+        let is_live = sources.iter().any(Source::is_live);
+        let merge = Merge::new(sources.len(), max_delay_s, limit);
         Self {
             stop,
-            is_live: sources.iter().any(Source::is_live),
+            is_live,
             next: sources.iter().map(|_| None).collect(),
             failures: vec![None; sources.len()],
-            merge: Merge::new(sources.len(), max_delay_s, limit),
+            // One camera has no others to wait for, but perhaps frames in another order.
+            merge: if is_live && sources.len() > 1 {
+                merge.prompt()
+            } else {
+                merge
+            },
+            clocks: vec![CaptureClock::default(); sources.len()],
             warnings: Vec::new(),
             sources,
             names,
@@ -175,6 +186,15 @@ impl<'a> FrameSets<'a> {
         }
     }
 
+    /// Adds to a set of live cameras when it was captured.
+    fn with_capture(&self, mut set: FrameSet) -> FrameSet {
+        let frames = set.frames.iter();
+        let captured_s =
+            frames.filter_map(|(camera, frame)| self.clocks[*camera].captured_s(frame.time_s()));
+        set.captured_s = captured_s.reduce(f64::min);
+        set
+    }
+
     /// Returns the next set of live cameras without waiting for silent ones; `None` once all have ended or it is
     /// stopped.
     fn next_live(&mut self) -> Option<FrameSet> {
@@ -183,10 +203,11 @@ impl<'a> FrameSets<'a> {
             let mut arrived = Vec::new();
             let mut ended = 0;
             for camera in 0..self.sources.len() {
-                if self.merge.has_backlog(camera, now_s) {
+                let keeps_up = self.sources[camera].keeps_up();
+                if !keeps_up && self.merge.has_backlog(camera, now_s) {
                     continue;
                 }
-                for _ in 0..TAKEN_AT_ONCE {
+                for _ in 0..TAKEN_AT_ONCE[usize::from(keeps_up)] {
                     match self.sources[camera].poll_next() {
                         Poll::Ready(Some(delivery)) => arrived.extend(self.sort(camera, delivery)),
                         Poll::Ready(None) => {
@@ -199,14 +220,20 @@ impl<'a> FrameSets<'a> {
             }
             arrived.sort_by(|a, b| a.2.total_cmp(&b.2));
             for (camera, frame, arrival_s) in arrived {
+                self.clocks[camera].take(frame.time_s(), arrival_s);
                 self.merge.take(camera, frame, arrival_s);
+            }
+            for (camera, source) in self.sources.iter().enumerate() {
+                if source.keeps_up() {
+                    self.merge.overtake(camera, now_s);
+                }
             }
             let all_ended = ended == self.sources.len();
             let set = self
                 .merge
                 .next_set(if all_ended { f64::INFINITY } else { now_s });
             if set.is_some() || all_ended || self.is_over() {
-                return set;
+                return set.map(|set| self.with_capture(set));
             }
             std::thread::sleep(POLL);
         }

@@ -9,9 +9,11 @@ use crate::detections::Detections;
 /// Frames closer in time than this form one set, in seconds: triggered cameras whose time stamps were rounded.
 const SAME_INSTANT_S: f64 = 1e-6;
 
-/// Number of frames of a live camera that may wait for tracking. Further ones stay in ffmpeg and in the camera, which drop
-/// frames rather than fill the memory.
+/// Number of frames of a live camera that may wait for tracking where all are to be used. Further ones stay in ffmpeg and with the sender.
 const MAX_BACKLOG: usize = 8;
+
+/// Number of frames of a live camera that may wait for tracking where estimates are to stay current: after a short delay, none are lost.
+const MAX_BEHIND: usize = 2;
 
 /// The most memory of frames that wait for earlier ones, in bytes. A recording in which a single time stamp is far too late
 /// would otherwise be held in memory from there to its end.
@@ -32,6 +34,8 @@ pub(crate) struct FrameSet {
     pub(crate) index: usize,
     /// The latest time stamp, in seconds; it increases from set to set.
     pub(crate) time_s: f64,
+    /// Of live cameras: when the first of the frames was captured, on the program's clock, in seconds.
+    pub(super) captured_s: Option<f64>,
     /// Each frame with its camera's index, in ascending order.
     pub(crate) frames: Vec<(usize, Frame)>,
     /// The number of each among all frames of its camera.
@@ -62,7 +66,7 @@ impl FrameSet {
 }
 
 /// Statistics of the frames of one camera. Once all are emitted, `delivered` is the sum of `used`, `frozen`,
-/// `dropped_late`, `repeated` and `broken`.
+/// `dropped_late`, `overtaken`, `repeated` and `broken`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub(crate) struct FrameCounts {
     /// Number of frames received.
@@ -73,6 +77,8 @@ pub(crate) struct FrameCounts {
     pub(crate) sorted_in_late: usize,
     /// Frames dropped because later ones had already been emitted.
     pub(crate) dropped_late: usize,
+    /// Frames dropped because tracking was slower than the camera and later ones were waiting.
+    pub(crate) overtaken: usize,
     /// Frames whose image repeats the previous one byte for byte, and which therefore did not update the tracker.
     pub(crate) frozen: usize,
     /// Frames dropped because the camera had already delivered a frame with the same time.
@@ -125,6 +131,9 @@ struct Arrivals {
 pub(crate) struct Merge {
     /// How long frames are held after their arrival, in seconds.
     hold_s: f64,
+    /// Whether frames are emitted as soon as every camera has delivered later ones. What arrives out of order from one camera is then dropped sooner,
+    /// at times that depend on how quickly frames are taken: for live cameras only.
+    is_prompt: bool,
     held: Vec<Held>,
     /// The most bytes of frames that are held.
     held_bytes_limit: usize,
@@ -148,6 +157,7 @@ impl Merge {
     pub(crate) fn new(camera_count: usize, max_delay_s: f64, limit: Limit) -> Self {
         Self {
             hold_s: max_delay_s.max(SAME_INSTANT_S),
+            is_prompt: false,
             held: Vec::new(),
             held_bytes_limit: MAX_HELD_BYTES,
             cameras: (0..camera_count).map(|_| Seen::default()).collect(),
@@ -161,6 +171,14 @@ impl Merge {
                 latest_s: f64::NEG_INFINITY,
             },
             passed_s: f64::NEG_INFINITY,
+        }
+    }
+
+    /// Emits frames as soon as every camera has delivered later ones.
+    pub(crate) fn prompt(self) -> Self {
+        Self {
+            is_prompt: true,
+            ..self
         }
     }
 
@@ -234,6 +252,17 @@ impl Merge {
         self.held.iter().filter(waits).count() >= MAX_BACKLOG
     }
 
+    /// Drops the oldest frames of a camera that are due at `now_s`, on the clock of arrivals, if more than [`MAX_BEHIND`] are.
+    pub(crate) fn overtake(&mut self, camera: usize, now_s: f64) {
+        let hold_s = self.hold_s;
+        let waits = |held: &Held| held.camera == camera && held.arrival_s + hold_s < now_s;
+        let due = self.held.iter().filter(|held| waits(held)).count();
+        let excess = due.saturating_sub(MAX_BEHIND);
+        // Held in order of arrival.
+        let oldest = self.held.extract_if(.., |held| waits(held)).take(excess);
+        self.cameras[camera].counts.overtaken += oldest.count();
+    }
+
     /// Counts an image that could not be used.
     pub(crate) fn count_broken(&mut self, camera: usize) {
         let counts = &mut self.cameras[camera].counts;
@@ -246,11 +275,16 @@ impl Merge {
     pub(crate) fn next_set(&mut self, now_s: f64) -> Option<FrameSet> {
         let is_due = |held: &Held| held.arrival_s + self.hold_s < now_s;
         let held_bytes: usize = self.held.iter().map(|held| held.frame.bytes().len()).sum();
-        if !self.held.iter().any(is_due) && held_bytes <= self.held_bytes_limit {
-            return None;
-        }
         let times_s = self.held.iter().map(|held| held.frame.time_s());
         let first_s = times_s.reduce(f64::min)?;
+        let is_complete = || {
+            let mut lasts_s = self.cameras.iter().map(|seen| seen.counts.last_time_s);
+            self.is_prompt && lasts_s.all(|last_s| last_s.is_some_and(|last_s| last_s >= first_s))
+        };
+        let is_full = held_bytes > self.held_bytes_limit;
+        if !is_full && !is_complete() && !self.held.iter().any(is_due) {
+            return None;
+        }
         let begin_s = *self.begin_s.get_or_insert(first_s);
         let duration_s = self.limit.duration_s;
         if duration_s.is_some_and(|duration_s| first_s - begin_s >= duration_s) {
@@ -269,6 +303,7 @@ impl Merge {
                 self.set_count
             },
             time_s: first_s,
+            captured_s: None,
             frames: Vec::new(),
             numbers: Vec::new(),
             frozen: Vec::new(),

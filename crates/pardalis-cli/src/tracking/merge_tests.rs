@@ -107,6 +107,80 @@ fn late_frames_are_sorted_in_or_dropped() {
 }
 
 #[test]
+fn live_cameras_wait_only_for_those_that_have_not_delivered_later_frames() {
+    let mut merge = Merge::new(3, 0.1, Limit::default()).prompt();
+    let mut emitted = Vec::new();
+    // Camera 2 is silent from 1.0 s on.
+    for (camera, time_s, arrival_s) in [
+        (0, 0.90, 0.91),
+        (1, 0.91, 0.92),
+        (2, 0.92, 0.93),
+        (0, 0.94, 0.95),
+        (1, 0.95, 0.96),
+        (2, 0.96, 0.97),
+        (0, 1.00, 1.01),
+        (1, 1.01, 1.02),
+        (0, 1.08, 1.09),
+        (1, 1.09, 1.10),
+    ] {
+        merge.take(camera, frame(time_s), arrival_s);
+        while let Some(set) = merge.next_set(arrival_s) {
+            emitted.push((set.time_s, arrival_s));
+        }
+    }
+    assert_eq!(
+        emitted,
+        [
+            // Once all have come, those up to the first that may still come.
+            (0.90, 0.93),
+            (0.91, 0.95),
+            (0.92, 0.96),
+            (0.94, 0.97),
+            (0.95, 1.01),
+            (0.96, 1.02),
+        ]
+    );
+    // The others do not wait for the silent one for longer than the limit.
+    let set = merge.next_set(1.12).expect("one that has waited enough");
+    assert_eq!(set.time_s, 1.00);
+    assert!(merge.counts().all(|counts| counts.dropped_late == 0));
+}
+
+#[test]
+fn the_oldest_frames_are_dropped_while_tracking_is_slow() {
+    let mut merge = Merge::new(2, 0.0, Limit::default());
+    for n in 0..5 {
+        let time_s = f64::from(n);
+        merge.take(0, frame(time_s), time_s);
+        merge.take(1, frame(time_s + 0.5), time_s + 0.5);
+    }
+    merge.overtake(0, 10.0);
+    let sets: Vec<_> = std::iter::from_fn(|| merge.next_set(10.0)).collect();
+    let of = |camera| {
+        let times = times_and_cameras(&sets).into_iter();
+        let times = times.filter(move |(_, cameras)| cameras == &[camera]);
+        times.map(|(time_s, _)| time_s).collect::<Vec<_>>()
+    };
+    assert_eq!(of(0), [3.0, 4.0]);
+    assert_eq!(of(1), [0.5, 1.5, 2.5, 3.5, 4.5]);
+    let counts: Vec<_> = merge.counts().collect();
+    assert_eq!(
+        (counts[0].delivered, counts[0].used, counts[0].overtaken),
+        (5, 2, 3)
+    );
+    assert_eq!(counts[1].overtaken, 0);
+    // No more than may wait, and those that are not due yet.
+    let mut merge = Merge::new(1, 1.0, Limit::default());
+    for n in 0..5 {
+        merge.take(0, frame(f64::from(n)), f64::from(n));
+    }
+    merge.overtake(0, 3.5);
+    assert_eq!(merge.held.len(), 4);
+    merge.overtake(0, 3.5);
+    assert_eq!(merge.held.len(), 4);
+}
+
+#[test]
 fn the_first_of_equal_times_of_a_camera_is_used() {
     // Within one set, and after the set was emitted.
     let frames = [(0, 1.0, 1.0), (0, 1.0, 1.0), (0, 2.0, 2.0), (0, 2.0, 2.5)];

@@ -5,10 +5,13 @@ mod annotate;
 mod candidate_rows;
 mod crossing_rows;
 mod frame_sets;
+mod latency;
 mod marks;
 mod merge;
 pub(crate) mod missed;
 mod particle_rows;
+#[cfg(feature = "studio")]
+mod pictures;
 mod previous;
 pub(crate) mod radius;
 #[cfg_attr(not(feature = "mcap"), path = "without_recorder.rs")]
@@ -47,6 +50,7 @@ use candidate_rows::CandidateRows;
 use crossing_rows::CrossingRows;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
+use latency::{Latencies, Latency};
 pub(crate) use merge::{FrameSet, Limit, Merge};
 use missed::MissedFrames;
 use particle_rows::ParticleRows;
@@ -133,6 +137,8 @@ pub(crate) struct Instant<'a> {
     pub(crate) index: usize,
     /// The latest time stamp of the set, in seconds.
     pub(crate) time_s: f64,
+    /// See [`FrameSet::captured_s`].
+    captured_s: Option<f64>,
     /// The frames, each with its camera's index.
     pub(crate) frames: &'a [(usize, Frame)],
     /// The tracker after the frames.
@@ -197,6 +203,8 @@ pub(crate) struct Outcome {
     pub(crate) tracking_s: f64,
     /// Seconds spent writing rows and annotated frames.
     pub(crate) writing_s: f64,
+    /// Of live cameras: the time from the capture of images until all results of them were written, shown or handed over for sending.
+    pub(crate) latency: Option<Latency>,
 }
 
 /// A finished run.
@@ -446,7 +454,9 @@ impl Extras {
             particle_rows: particle_rows.transpose()?,
             recorder: recorder.transpose()?,
             senders: senders.collect::<Result<_>>()?,
-            watched: watch.map(|watch| watch.sink(scene_path, scene, &open.tracker)),
+            watched: watch
+                .map(|watch| watch.sink(scene_path, scene, &open.tracker))
+                .transpose()?,
         })
     }
 
@@ -530,6 +540,7 @@ fn track(
     let names = open.scene.cameras.iter().map(|c| c.name.clone()).collect();
     let is_live = open.sources.iter().any(Source::is_live);
     let mut failures = Vec::new();
+    let mut latencies = Latencies::new();
     let delay_s = open.scene.max_delay_s;
     let mut frame_sets = FrameSets::new(
         &mut open.sources,
@@ -577,6 +588,7 @@ fn track(
         let instant = Instant {
             index: set.index,
             time_s: set.time_s,
+            captured_s: set.captured_s,
             frames: &set.frames,
             tracker: &open.tracker,
             tracked: &tracked,
@@ -591,9 +603,13 @@ fn track(
             progress.suspend(|| warn(format!("{failure:#}; the rows go on without it")));
         }
         outcome.writing_s += watch.elapsed_s();
+        if let Some(captured_s) = set.captured_s {
+            latencies.take(captured_s);
+        }
         progress.inc(1);
     };
     progress.finish_and_clear();
+    outcome.latency = latencies.summary();
     outcome.limit_reached = frame_sets.is_over();
     outcome.cameras = frame_sets.records();
     let warnings = frame_sets.warnings();

@@ -14,7 +14,7 @@ use pardalis_scene::{Scene, TargetConfig};
 use serde_json::json;
 
 use super::{Instant, Sink, Tracked};
-use crate::timing::{Stopwatch, unix_s};
+use crate::timing::{Stopwatch, now_s, unix_s_at};
 use crate::user_error::user_error;
 
 /// The waits between attempts to connect, the first and the longest.
@@ -183,12 +183,15 @@ impl Sender {
             state.sent
         )
     }
+}
 
-    fn written(&self, tracked: &Tracked) -> serde_json::Value {
+/// Returns the line of one time without its end, to which the number of dropped lines is to be added: `,"dropped":N}`.
+pub(super) fn open_line(instant: &Instant, targets: &[TargetConfig]) -> String {
+    let written = |tracked: &Tracked| {
         let estimate = &tracked.estimate;
         let known = estimate.kinematics.as_ref();
         json!({
-            "name": tracked.name(&self.targets),
+            "name": tracked.name(targets),
             "state": estimate.state.name(),
             "confidence": estimate.confidence,
             "position_m": known.map(|known| known.position_m),
@@ -196,24 +199,23 @@ impl Sender {
             "covariance_m2": known.map(|known| known.covariance_m2),
             "heading_rad": estimate.heading_rad,
         })
-    }
+    };
+    let targets: Vec<_> = instant.tracked.iter().map(written).collect();
+    let line = json!({
+        "frame": instant.index,
+        "time_s": instant.time_s,
+        "captured_unix_s": instant.captured_s.map(unix_s_at),
+        "sent_unix_s": unix_s_at(now_s()),
+        "targets": targets,
+    });
+    let mut line = line.to_string();
+    line.pop();
+    line
 }
 
 impl Sink for Sender {
     fn take(&mut self, instant: &Instant) -> Result<()> {
-        let targets: Vec<_> = instant
-            .tracked
-            .iter()
-            .map(|one| self.written(one))
-            .collect();
-        let line = json!({
-            "frame": instant.index,
-            "time_s": instant.time_s,
-            "sent_unix_s": unix_s(),
-            "targets": targets,
-        });
-        let mut line = line.to_string();
-        line.pop();
+        let line = open_line(instant, &self.targets);
         let mut state = self.slot.state();
         if state.line.replace(line).is_some() {
             state.dropped += 1;

@@ -110,6 +110,7 @@ pub(crate) fn write(
             "waiting_for_frames_s": outcome.waiting_s,
             "tracking_s": outcome.tracking_s,
             "writing_s": outcome.writing_s,
+            "latency": outcome.latency,
         },
         "cameras": cameras,
         "platforms": platforms::entries(&open.platforms, &open.tracker),

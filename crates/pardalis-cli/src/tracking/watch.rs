@@ -7,14 +7,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use anyhow::Result;
 use pardalis::{CameraId, Frame, Tracker};
 use pardalis_scene::Scene;
-use pardalis_studio::Feed;
+use pardalis_studio::{Feed, Lines};
 use serde_json::{Map, Value, json};
 
 use super::marks::Marker;
+use super::pictures::Pictures;
 use super::rows::{HEADER, write_row};
+use super::sender::open_line;
 use super::{Instant, Sink};
 use crate::draw::overlay::{Mark, Note, Shape};
-use crate::draw::picture::{jpeg_of, picture_of};
 use crate::report::{self, PageCamera, PageScene};
 use crate::timing::now_s;
 
@@ -33,6 +34,8 @@ const HISTOGRAM_MS: [f64; 12] = [
 #[derive(Debug, Clone)]
 pub(crate) struct Watch {
     feed: Feed,
+    /// The estimates for other programs, see [`open_line`].
+    lines: Lines,
     rows: Arc<Mutex<RowsSoFar>>,
 }
 
@@ -45,10 +48,11 @@ struct RowsSoFar {
 }
 
 impl Watch {
-    /// Shows a run on the pages that watch the feed.
-    pub(crate) fn of(feed: &Feed) -> Self {
+    /// Shows a run on the pages that watch the feed, and to programs that read the lines.
+    pub(crate) fn of(feed: &Feed, lines: &Lines) -> Self {
         Self {
             feed: feed.clone(),
+            lines: lines.clone(),
             rows: Arc::default(),
         }
     }
@@ -80,7 +84,12 @@ impl Watch {
     }
 
     /// Shows the scene in the file at `scene_path`, and then its run.
-    pub(super) fn sink(&self, scene_path: &Path, scene: &Scene, tracker: &Tracker) -> WatchSink {
+    pub(super) fn sink(
+        &self,
+        scene_path: &Path,
+        scene: &Scene,
+        tracker: &Tracker,
+    ) -> Result<WatchSink> {
         let cameras = tracker.views().iter().map(|view| PageCamera {
             size_px: Some(view.size()),
             path: Vec::new(),
@@ -88,8 +97,9 @@ impl Watch {
         let cameras: Vec<PageCamera> = cameras.collect();
         let page = PageScene::new(report::title(scene_path), scene, &cameras);
         self.feed.show("scene", &json!(page));
-        WatchSink {
+        Ok(WatchSink {
             watch: self.clone(),
+            pictures: Pictures::start(&self.feed)?,
             marker: Marker::new(&scene.targets, true, true),
             cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
             shown_s: vec![f64::NEG_INFINITY; scene.cameras.len()],
@@ -97,7 +107,7 @@ impl Watch {
             untold: None,
             histogram: [0; HISTOGRAM_MS.len() + 1],
             text: String::new(),
-        }
+        })
     }
 
     fn so_far(&self) -> MutexGuard<'_, RowsSoFar> {
@@ -109,6 +119,7 @@ impl Watch {
 /// Shows a run.
 pub(crate) struct WatchSink {
     watch: Watch,
+    pictures: Pictures,
     marker: Marker,
     /// The names of the cameras.
     cameras: Vec<String>,
@@ -129,6 +140,10 @@ impl Sink for WatchSink {
         let tracking_ms = 1e3 * instant.tracking_s;
         self.histogram[HISTOGRAM_MS.partition_point(|limit_ms| *limit_ms < tracking_ms)] += 1;
         let row_count = self.add_rows(instant);
+        if self.watch.lines.are_read() {
+            let line = open_line(instant, &self.marker.targets);
+            self.watch.lines.send(line);
+        }
         if !self.watch.feed.is_watched() {
             return Ok(());
         }
@@ -194,6 +209,7 @@ impl WatchSink {
         json!({
             "frame": instant.index,
             "time_s": instant.time_s,
+            "age_s": instant.captured_s.map(|captured_s| now_s() - captured_s),
             "rows": row_count,
             "targets": targets.collect::<Vec<_>>(),
             "tracking_ms": { "limits": HISTOGRAM_MS, "counts": self.histogram },
@@ -212,8 +228,7 @@ impl WatchSink {
             "notes": notes.iter().map(noted).collect::<Vec<_>>(),
         });
         let topic = format!("run/{}", self.cameras[camera]);
-        let jpeg = jpeg_of(&picture_of(frame))?;
-        self.watch.feed.show_image(&topic, &about, &jpeg);
+        self.pictures.show(topic, about, frame);
         Ok(())
     }
 }

@@ -13,7 +13,7 @@ use super::{Instant, Sink};
 pub(crate) enum Watch {}
 
 impl Watch {
-    pub(super) fn sink(&self, _: &Path, _: &Scene, _: &Tracker) -> WatchSink {
+    pub(super) fn sink(&self, _: &Path, _: &Scene, _: &Tracker) -> Result<WatchSink> {
         match *self {}
     }
 }

@@ -353,8 +353,9 @@ fn files_that_are_not_scenes_are_rejected() {
     ]);
 
     let program = || Command::new(env!("CARGO_BIN_EXE_pardalis"));
-    Run::of(program().arg("track").arg(place.path("")))
-        .refused(&["is a folder or a device; give a text file"]);
+    let folder = |name: &str| Run::of(program().arg("track").arg(place.path(name)));
+    folder("").refused(&["is a folder; give the scene in it: ", "scene.toml"]);
+    folder("images").refused(&["is a folder without scene.toml", "`pardalis init "]);
     Run::of(program().args(["track", "no/such.toml"])).refused(&["no/such.toml: cannot be read"]);
 }
 

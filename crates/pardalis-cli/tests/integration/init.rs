@@ -666,7 +666,11 @@ fn invalid_input_is_named_and_nothing_is_written() {
         ),
         (
             &["images", "--camera", "fisheye"],
-            &["--camera fisheye", "equidistant", "nor a file"],
+            &[
+                "--camera fisheye",
+                "equidistant",
+                "equidistant (fisheye lenses)",
+            ],
         ),
         (
             &["images", "--camera", "ball.toml"],

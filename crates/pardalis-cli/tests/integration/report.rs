@@ -168,7 +168,12 @@ fn tracks_of_other_programs_need_only_times_targets_and_positions() {
 #[test]
 fn wrong_files_are_refused_with_line_and_remedy() {
     let place = Workplace::with_frames(0);
-    view(&place, &["nowhere"]).refused(&["nowhere: ", "give a CSV file"]);
+    let remedy = "give the folder with the results of `pardalis track`";
+    view(&place, &["nowhere"]).refused(&["nowhere: there is no such file", remedy]);
+    view(&place, &["."]).refused(&["there is no tracks.csv in this folder", remedy]);
+    place.write("summary.json", "{}");
+    view(&place, &["summary.json"]).refused(&["has the summary and not the rows", remedy]);
+    fs::remove_file(place.path("summary.json")).unwrap();
     place.write("empty.csv", format!("{HEADER}\n"));
     view(&place, &["empty.csv"]).refused(&["empty.csv: has no rows"]);
     place.write("cut.csv", format!("{HEADER}\n0,0,ball,tracking,1,2\n"));

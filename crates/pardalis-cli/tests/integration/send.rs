@@ -11,13 +11,20 @@ use crate::common::{SCENE, Workplace};
 /// Frames of the sequence.
 const FRAMES: u64 = 12;
 
-fn json(line: &str) -> Value {
+pub(crate) fn json(line: &str) -> Value {
     serde_json::from_str(line).unwrap_or_else(|error| panic!("{line}: {error}"))
 }
 
+/// Returns the place of the row of a message's frame.
+pub(crate) fn place_of(message: &Value, rows: &[Vec<String>]) -> usize {
+    let frame = message["frame"].to_string();
+    let place = rows.iter().position(|row| row[0] == frame);
+    place.unwrap_or_else(|| panic!("no row for {message}"))
+}
+
 /// Checks that a message says of its frame what the row of the frame says.
-fn assert_is_row(message: &Value, rows: &[Vec<String>]) {
-    let row = &rows[message["frame"].as_u64().unwrap() as usize];
+pub(crate) fn assert_is_row(message: &Value, rows: &[Vec<String>]) {
+    let row = &rows[place_of(message, rows)];
     let [target] = &message["targets"].as_array().unwrap()[..] else {
         panic!("{message}")
     };
@@ -72,6 +79,8 @@ fn datagrams_carry_the_rows_and_what_was_dropped_is_counted() {
     let counts = format!("{to}: sent {} estimates, dropped {dropped}", messages.len());
     assert!(run.stdout.contains(&counts), "{}", run.stdout);
     // Seconds since 1970, later from line to line.
+    // A recording was captured at another time.
+    assert!(messages.iter().all(|m| m["captured_unix_s"].is_null()));
     let sent_s: Vec<f64> = messages
         .iter()
         .map(|m| m["sent_unix_s"].as_f64().unwrap())
@@ -134,10 +143,11 @@ fn a_receiver_that_hangs_up_gets_whole_lines_when_it_returns() {
         println!("skipped: ffmpeg is not installed");
         return;
     };
-    place
+    let run = place
         .track_with(scene, &["-o", "out", "--send", &to])
         .fine();
     let rows = place.rows();
+    assert!(run.stdout.contains("latency: median "), "{}", run.stdout);
     let (first, second) = receiver.join().unwrap();
     assert_is_row(&json(&first), &rows);
     assert!(second.ends_with('\n'), "{second}");
@@ -145,8 +155,22 @@ fn a_receiver_that_hangs_up_gets_whole_lines_when_it_returns() {
     for line in second.lines() {
         assert_is_row(&json(line), &rows);
     }
+    for line in second.lines() {
+        let line = json(line);
+        let times = ["captured_unix_s", "sent_unix_s"].map(|key| line[key].as_f64().unwrap());
+        // Captured before it was sent, and not long ago.
+        assert!(times[0] <= times[1] && times[1] - times[0] < 60.0, "{line}");
+    }
+    let summary = std::fs::read_to_string(place.path("out/summary.json")).unwrap();
+    let latency = &json(&summary)["time"]["latency"];
+    let [median_s, p99_s, max_s] =
+        ["median_s", "p99_s", "max_s"].map(|key| latency[key].as_f64().unwrap());
+    assert!(
+        0.0 < median_s && median_s <= p99_s && p99_s <= max_s,
+        "{latency}"
+    );
     let last = json(second.lines().last().unwrap());
-    assert_eq!(last["frame"], rows.len() - 1);
+    assert_eq!(place_of(&last, &rows), rows.len() - 1);
     assert!(last["dropped"].as_u64().unwrap() > 0);
 }
 

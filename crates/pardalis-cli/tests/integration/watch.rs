@@ -1,10 +1,24 @@
 //! `track --watch` under attack: a page that is served costs the run nothing.
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{BufRead, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::Stdio;
 
+use tungstenite::Message;
+
 use crate::common::{SCENE, Workplace};
+use crate::send::{assert_is_row, json, place_of};
+
+/// Waits for the address of the page and returns its host and port.
+fn address_in(stderr: &mut impl BufRead) -> String {
+    let mut line = String::new();
+    while !line.contains("Open http://") {
+        line.clear();
+        assert!(stderr.read_line(&mut line).unwrap() > 0, "no address");
+    }
+    let address = line.split("http://").nth(1).unwrap();
+    address.split('/').next().unwrap().to_owned()
+}
 
 #[test]
 fn a_thousand_idle_connections_and_nonsense_do_not_disturb_the_run() {
@@ -17,18 +31,7 @@ fn a_thousand_idle_connections_and_nonsense_do_not_disturb_the_run() {
         .spawn()
         .unwrap();
     let mut stderr = BufReader::new(running.stderr.take().unwrap());
-    let mut line = String::new();
-    while !line.contains("Open http://") {
-        line.clear();
-        assert!(stderr.read_line(&mut line).unwrap() > 0, "no address");
-    }
-    let address = line
-        .split("http://")
-        .nth(1)
-        .unwrap()
-        .split('/')
-        .next()
-        .unwrap();
+    let address = &*address_in(&mut stderr);
     // The run may be over before the last of them.
     let mut idle: Vec<TcpStream> = (0..1000)
         .filter_map(|_| TcpStream::connect(address).ok())
@@ -48,6 +51,50 @@ fn a_thousand_idle_connections_and_nonsense_do_not_disturb_the_run() {
     let bytes = |folder: &str| std::fs::read(place.path(&format!("{folder}/tracks.csv"))).unwrap();
     assert_eq!(bytes("alone"), bytes("out"));
     drop(idle);
+}
+
+#[test]
+fn programs_read_the_estimates_over_a_websocket() {
+    let Some(place) = crate::live::with_stream(40) else {
+        return;
+    };
+    let scene = crate::live::video("ride.ts").replace(
+        "video = \"ride.ts\"",
+        "video = \"ride.ts\"\ninput.real_time = true",
+    );
+    let mut command = place.command(scene, &["-o", "out", "--watch"]);
+    let mut running = command
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut stderr = BufReader::new(running.stderr.take().unwrap());
+    let address = address_in(&mut stderr);
+    let stream = TcpStream::connect(&address).unwrap();
+    let request = format!("ws://{address}/lines");
+    let (mut reader, _) = tungstenite::client(request, stream).unwrap();
+    let mut messages = Vec::new();
+    loop {
+        match reader.read() {
+            Ok(Message::Text(text)) => messages.push(json(&text)),
+            Ok(Message::Ping(_)) => {}
+            // The run is over.
+            _ => break,
+        }
+    }
+    let mut rest = String::new();
+    stderr.read_to_string(&mut rest).unwrap();
+    assert!(running.wait().unwrap().success(), "{rest}");
+    let rows = place.rows();
+    assert!(messages.len() > 10, "{}", messages.len());
+    for message in &messages {
+        assert_is_row(message, &rows);
+    }
+    let (first, last) = (&messages[0], &messages[messages.len() - 1]);
+    let [from, to] = [first, last].map(|message| place_of(message, &rows));
+    assert_eq!(to, rows.len() - 1);
+    let missed = to - from + 1 - messages.len();
+    assert_eq!(last["dropped"], missed);
 }
 
 #[test]

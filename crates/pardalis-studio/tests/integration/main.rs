@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::Duration;
 
-use pardalis_studio::{Asset, Extension, Feed, Program, Server};
+use pardalis_studio::{Asset, Extension, Feed, Lines, Program, Server};
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest as _;
 use tungstenite::{Message, WebSocket};
@@ -24,6 +24,10 @@ impl Program for Echo {
 }
 
 fn server(listen: &str) -> (Server, SocketAddr, Feed) {
+    server_with(listen, Lines::default())
+}
+
+fn server_with(listen: &str, lines: Lines) -> (Server, SocketAddr, Feed) {
     let feed = Feed::default();
     let asset = Asset {
         path: "extra/a.js".into(),
@@ -33,6 +37,7 @@ fn server(listen: &str) -> (Server, SocketAddr, Feed) {
     let extension = Extension {
         assets: vec![asset],
         import_map: "{\"imports\": {\"a\": \"/extra/a.js\"}}".to_owned(),
+        lines,
     };
     let listen = listen.parse().unwrap();
     let server = Server::start(listen, Arc::new(Echo), feed.clone(), extension);
@@ -87,11 +92,15 @@ fn status(reply: &str) -> u16 {
 }
 
 fn socket(address: SocketAddr) -> WebSocket<TcpStream> {
+    socket_at(address, "live")
+}
+
+fn socket_at(address: SocketAddr, path: &str) -> WebSocket<TcpStream> {
     let stream = TcpStream::connect(address).unwrap();
     stream
         .set_read_timeout(Some(Duration::from_secs(30)))
         .unwrap();
-    let request = format!("ws://{address}/live")
+    let request = format!("ws://{address}/{path}")
         .into_client_request()
         .unwrap();
     tungstenite::client(request, stream).unwrap().0
@@ -306,6 +315,55 @@ fn a_page_gets_what_is_latest_when_it_asks() {
         "{text}"
     );
     assert_eq!(page.read().unwrap(), Message::text("end"));
+}
+
+/// Reads the next line of a reader of lines.
+fn next_line(socket: &mut WebSocket<TcpStream>) -> Value {
+    loop {
+        match socket.read().unwrap() {
+            Message::Text(text) => {
+                assert!(text.ends_with("}\n"), "{text}");
+                return serde_json::from_str(&text).unwrap();
+            }
+            Message::Ping(_) => {}
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn readers_get_new_lines_unasked_and_know_how_many_they_missed() {
+    let lines = Lines::default();
+    let (_server, address, _) = server_with("127.0.0.1:0", lines.clone());
+    lines.send("{\"n\":0".to_owned());
+    assert!(!lines.are_read());
+    let mut quick = socket_at(address, "lines");
+    let mut slow = socket_at(address, "lines");
+    assert!(lines.are_read());
+    // What was sent before they came is not theirs, and not dropped.
+    lines.send("{\"n\":1".to_owned());
+    for reader in [&mut quick, &mut slow] {
+        assert_eq!(next_line(reader), json!({"n": 1, "dropped": 0}));
+    }
+    // More than any buffer of the system holds, to somebody who does not read.
+    let filling = "x".repeat(1 << 20);
+    for number in 2..=40 {
+        lines.send(format!("{{\"n\":{number},\"filling\":\"{filling}\""));
+        let line = next_line(&mut quick);
+        assert_eq!(
+            (&line["n"], &line["dropped"]),
+            (&json!(number), &json!(0)),
+            "the quick reader"
+        );
+    }
+    let mut got = vec![1];
+    while got.last() != Some(&40) {
+        let line = next_line(&mut slow);
+        got.push(line["n"].as_u64().unwrap());
+        let so_far = got.len() as u64;
+        assert_eq!(line["dropped"], got[got.len() - 1] - so_far);
+    }
+    assert!(got.len() < 40, "{got:?}");
 }
 
 #[test]

@@ -138,7 +138,8 @@ export const track = {
 function nowOf(app) {
   const now = app.latest.get("track");
   if (!app.state.run || !now) return [];
-  return [el("p", { class: "time" }, `Frame ${now.frame + 1}, ${fixed(now.time_s, 2)} s`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
+  const age = now.age_s === null ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
+  return [el("p", { class: "time" }, `Frame ${now.frame + 1}, ${fixed(now.time_s, 2)} s${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
 }
 
 function updateNow(app) {

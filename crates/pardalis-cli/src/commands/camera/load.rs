@@ -11,13 +11,14 @@ use pardalis_scene::calibration;
 use crate::arguments::parse_size;
 use crate::output::Shown;
 use crate::scene;
-use crate::scene_files::read_text;
+use crate::scene_files::{read_calibration, read_text};
+use crate::source::decode::media_kind;
 use crate::user_error::user_error;
 
 /// A selection of cameras in a file.
 #[derive(Debug, clap::Args)]
 pub(super) struct Selection {
-    /// The calibration, in any format, or a scene
+    /// The calibration, in any format, a recording with calibrations, or a scene
     #[arg(value_name = "FILE")]
     pub(super) file: PathBuf,
     /// Selects one camera of a file with several
@@ -102,6 +103,10 @@ impl Selection {
 }
 
 fn cameras_in(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>> {
+    if media_kind(path) == Some("recording") {
+        return read_calibration(Path::new(""), &path.to_string_lossy(), lens)
+            .map_err(|message| user_error!("{message}"));
+    }
     let text = read_text(path)?;
     // Calibrations have no targets, whereas scenes require them.
     let is_scene = text

@@ -394,7 +394,8 @@ fn known_cameras(arguments: &Arguments) -> Result<KnownCameras> {
     };
     if !file.exists() {
         return Err(user_error!(
-            "--camera {}: is neither a model (equidistant, pinhole, unified, perspective_mirror) nor a file",
+            "--camera {}: there is no such file, and it is no model; give a calibration file, or one of the models pinhole, equidistant (fisheye lenses), \
+             unified and perspective_mirror",
             file.shown()
         ));
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::{fmt, fs};
 
 use anyhow::Result;
-use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::builder::{NonEmptyStringValueParser, PathBufValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use pardalis::{Frame, View};
 use pardalis_camera::{Camera, Mask, Pinhole, Pose};
@@ -14,7 +14,7 @@ use super::label::Label;
 use crate::focal_length::{TYPICAL_FOV_DEG, focal_length_px, middle_px};
 use crate::output::{Shown, in_line};
 use crate::shell_word::shell_word;
-use crate::source::decode::decode_image;
+use crate::source::decode::{decode_image, media_kind};
 use crate::source::{Delivery, Source, SourceConfig, SourceKind};
 use crate::user_error::user_error;
 
@@ -45,9 +45,11 @@ pub(super) struct LabelledFile {
     lens: Option<Camera>,
 }
 
-/// A frame of a video, with its number from 0. Cloning shares the pixels.
+/// A frame of a video or a recording, with its number from 0. Cloning shares the pixels.
 #[derive(Debug, Clone)]
 struct VideoFrame {
+    /// The topic of a recording, if it was named.
+    topic: Option<String>,
     number: usize,
     frame: Frame,
 }
@@ -88,7 +90,10 @@ impl InputOptions {
 impl fmt::Display for LabelledFile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", Item::Image(self.path.clone()))?;
-        if let Some(VideoFrame { number, .. }) = &self.frame {
+        if let Some(VideoFrame { topic, number, .. }) = &self.frame {
+            if let Some(topic) = topic {
+                write!(f, " {}", Item::Topic(topic.clone()))?;
+            }
             write!(f, " {}", Item::Frame(*number))?;
         }
         self.labels
@@ -109,7 +114,11 @@ impl LabelledFile {
         Self {
             lens,
             path,
-            frame: Some(VideoFrame { number, frame }),
+            frame: Some(VideoFrame {
+                topic: None,
+                number,
+                frame,
+            }),
             labels: vec![label],
         }
     }
@@ -164,7 +173,7 @@ fn still(path: &Path) -> Result<Frame> {
             return error;
         }
         user_error!(
-            "{error:#}; or, if it is a video, name a frame: --image {} --frame NUMBER",
+            "{error:#}; or, if it is a video or a recording, name a frame: --image {} --frame NUMBER",
             shell_word(path)
         )
     })?;
@@ -172,19 +181,30 @@ fn still(path: &Path) -> Result<Frame> {
     Ok(Frame::from_rgb(width, height, image.into_raw(), 0.0)?)
 }
 
-/// Reads the frame of a video with this number, from 0.
-fn video_frame(path: &Path, number: usize) -> Result<Frame> {
-    let unusable = |reason: &str| {
-        let name = shell_word(path);
-        user_error!("--image {name} --frame {number}: {reason}")
-    };
+/// Reads the frame of a video or a recording with this number, from 0.
+fn video_frame(image: &ListedImage, number: usize) -> Result<Frame> {
+    let path = image.path;
+    let unusable = |reason: &str| user_error!("{image}: {reason}");
     if has_image_ending(path) {
         return Err(unusable("this is a single image; leave --frame out"));
     }
+    let is_recording = media_kind(path) == Some("recording");
+    if image.topic.is_some() && !is_recording {
+        return Err(unusable(
+            "is no MCAP recording, which alone has topics; leave --topic out",
+        ));
+    }
     let mut source = Source::open(&SourceConfig {
-        kind: SourceKind::Video {
-            video: VideoInput::of_path(&path.to_string_lossy()),
-            encoding: None,
+        kind: if is_recording {
+            SourceKind::Mcap {
+                file: path.to_owned(),
+                topic: image.topic.map(str::to_owned),
+            }
+        } else {
+            SourceKind::Video {
+                video: VideoInput::of_path(&path.to_string_lossy()),
+                encoding: None,
+            }
         },
         time_offset_s: 0.0,
         frames: FrameRange {
@@ -196,9 +216,7 @@ fn video_frame(path: &Path, number: usize) -> Result<Frame> {
     match source.next() {
         Some(Ok(Delivery::Frame { frame, .. })) => Ok(frame),
         Some(Ok(Delivery::Broken(error)) | Err(error)) => Err(unusable(&format!("{error:#}"))),
-        None => Err(unusable(
-            "the video has no such frame; give a smaller number",
-        )),
+        None => Err(unusable("there is no such frame; give a smaller number")),
     }
 }
 
@@ -279,9 +297,11 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
 }
 
 /// The options of [`Listed`].
-const LISTED: [&str; 6] = ["image", "frame", "mask", "rect", "circle", "polygon"];
+const LISTED: [&str; 7] = [
+    "image", "topic", "frame", "mask", "rect", "circle", "polygon",
+];
 
-/// Images, frames and labels in the order of the command line; a frame belongs to the last video before it, and a label to
+/// Images, topics, frames and labels in the order of the command line; a topic and a frame belong to the last recording or video before them, and a label to
 /// the last image or frame before it.
 #[derive(Debug)]
 struct Listed(Vec<Item>);
@@ -289,7 +309,9 @@ struct Listed(Vec<Item>);
 #[derive(Debug, Clone)]
 enum Item {
     Image(PathBuf),
-    /// A frame of a video by its number.
+    /// A topic of a recording.
+    Topic(String),
+    /// A frame of a video or a recording by its number.
     Frame(usize),
     Label(Label),
 }
@@ -299,15 +321,17 @@ impl fmt::Display for Item {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Image(path) => write!(f, "--image {}", shell_word(path)),
+            Self::Topic(topic) => write!(f, "--topic {}", shell_word(Path::new(topic))),
             Self::Frame(number) => write!(f, "--frame {number}"),
             Self::Label(label) => write!(f, "{label}"),
         }
     }
 }
 
-/// An image of the command line, or a frame of a video by its number, and its labels.
+/// An image of the command line, or a frame of a video or a recording by its number, and its labels.
 struct ListedImage<'a> {
     path: &'a Path,
+    topic: Option<&'a str>,
     frame: Option<usize>,
     labels: Vec<Label>,
 }
@@ -315,9 +339,12 @@ struct ListedImage<'a> {
 /// Formats it as on the command line.
 impl fmt::Display for ListedImage<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "--image {}", shell_word(self.path))?;
+        write!(f, "{}", Item::Image(self.path.to_owned()))?;
+        if let Some(topic) = self.topic {
+            write!(f, " {}", Item::Topic(topic.to_owned()))?;
+        }
         match self.frame {
-            Some(number) => write!(f, " --frame {number}"),
+            Some(number) => write!(f, " {}", Item::Frame(number)),
             None => Ok(()),
         }
     }
@@ -327,8 +354,9 @@ impl Listed {
     fn inputs(&self) -> Result<Inputs> {
         let images = self.images()?;
         for (number, image) in images.iter().enumerate() {
-            let is_same =
-                |other: &ListedImage| (other.path, other.frame) == (image.path, image.frame);
+            let is_same = |other: &ListedImage| {
+                (other.path, other.topic, other.frame) == (image.path, image.topic, image.frame)
+            };
             if images[..number].iter().any(is_same) {
                 return Err(user_error!(
                     "{image} is given twice; give it once, followed by all its labels"
@@ -350,9 +378,15 @@ impl Listed {
         let files = images.into_iter().map(|image| {
             let frame = match image.frame {
                 Some(number) => Some(VideoFrame {
+                    topic: image.topic.map(str::to_owned),
                     number,
-                    frame: video_frame(image.path, number)?,
+                    frame: video_frame(&image, number)?,
                 }),
+                None if image.topic.is_some() => {
+                    return Err(user_error!(
+                        "{image}: which of its images is meant? Add --frame NUMBER after it"
+                    ));
+                }
                 None => None,
             };
             Ok(LabelledFile {
@@ -375,13 +409,25 @@ impl Listed {
             match (item, images.last_mut()) {
                 (Item::Image(path), _) => images.push(ListedImage {
                     path,
+                    topic: None,
                     frame: None,
                     labels: Vec::new(),
                 }),
+                (Item::Topic(topic), Some(image))
+                    if image.frame.is_none() && image.topic.is_none() =>
+                {
+                    image.topic = Some(topic);
+                }
+                (Item::Topic(_), _) => {
+                    return Err(user_error!(
+                        "{item}: put it directly after the --image FILE that names the recording, before --frame"
+                    ));
+                }
                 (Item::Frame(number), Some(image)) if image.frame.is_some() => {
-                    let path = image.path;
+                    let (path, topic) = (image.path, image.topic);
                     images.push(ListedImage {
                         path,
+                        topic,
                         frame: Some(*number),
                         labels: Vec::new(),
                     });
@@ -396,7 +442,7 @@ impl Listed {
                 }
                 (Item::Frame(number), None) => {
                     return Err(user_error!(
-                        "--frame {number} comes before any video; put it after the --image FILE that names the video"
+                        "--frame {number} comes before any video; put it after the --image FILE that names the video or recording"
                     ));
                 }
                 (Item::Label(label), Some(image)) => image.labels.push(label.clone()),
@@ -450,13 +496,18 @@ impl clap::Args for Listed {
             .arg(
                 option("image", "FILE")
                     .value_parser(PathBufValueParser::new().map(Item::Image))
-                    .help("A JPEG or PNG image, or a video; may be repeated. Its labels are those that follow it; their union is the target"),
+                    .help("A JPEG or PNG image, a video or an MCAP recording; may be repeated. Its labels are those that follow it; their union is the target"),
+            )
+            .arg(
+                option("topic", "TOPIC")
+                    .value_parser(NonEmptyStringValueParser::new().map(Item::Topic))
+                    .help("Selects the images of the recording before it, if it has several topics with images"),
             )
             .arg(
                 option("frame", "NUMBER")
                     .value_parser(frame_number)
                     .allow_hyphen_values(true)
-                    .help("Selects a frame of the video before it, counted from 0; may be repeated. Its labels follow it. Needs an installed ffmpeg"),
+                    .help("Selects a frame of the video or recording before it, counted from 0; may be repeated. Its labels follow it. Videos need an installed ffmpeg"),
             )
             .arg(
                 option("mask", "FILE")

@@ -40,6 +40,8 @@ const EXAMPLES: &str = "Examples:
 396,96,397,91,400,86,405,83,410,82,415,83,420,86,423,91 -o orange.colors.toml
   Two frames of a video (needs an installed ffmpeg):
     pardalis learn --image clip.mp4 --frame 17 --rect 641,222,98,98 --frame 37 --circle 265,261,51 -o ball.colors.toml
+  A frame of an MCAP recording:
+    pardalis learn --image ride.mcap --topic /left/image_raw --frame 120 --circle 265,261,51 -o ball.colors.toml
   For a camera that delivers YUV:
     pardalis learn training --masks _mask.png --palette yuv --yuv-range limited -o orange.colors.toml";
 

@@ -75,6 +75,7 @@ pub(crate) struct Arguments {
 pub(crate) struct WatchOptions {
     /// Shows the run in a browser while it goes on: images, outlines, states, 3D view and plots
     ///
+    /// Other programs read the estimates as lines of JSON from a WebSocket at the same address, with the path /lines.
     /// Needs a program that was built with the feature studio.
     #[arg(long)]
     watch: bool,

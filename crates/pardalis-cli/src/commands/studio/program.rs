@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Result;
-use pardalis_studio::{Asset, Extension, Feed, Program, Server};
+use pardalis_studio::{Asset, Extension, Feed, Lines, Program, Server};
 use serde_json::{Value, json};
 
 use super::places::Places;
@@ -22,14 +22,14 @@ use crate::user_error::user_error;
 /// How often the program looks for Ctrl-C.
 const POLL: Duration = Duration::from_millis(100);
 
-/// How long pages may fetch the last rows of a run that is over.
+/// How long pages and readers may fetch the last rows of a run that is over.
 const LAST_ROWS: Duration = Duration::from_millis(1500);
 
 /// Serves the page, with the viewer of tracks, and prints its address.
 fn serve(
     (listen, port): (Option<IpAddr>, u16),
     program: Arc<dyn Program>,
-    feed: Feed,
+    (feed, lines): (Feed, Lines),
 ) -> Result<Server> {
     let ip = listen.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST));
     let address = SocketAddr::new(ip, port);
@@ -42,6 +42,7 @@ fn serve(
     let extension = Extension {
         assets: assets.collect(),
         import_map: pardalis_viewer::import_map(&format!("/{folder}")),
+        lines,
     };
     let server = Server::start(address, program, feed, extension).map_err(|error| {
             user_error!(
@@ -104,7 +105,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     session.follow();
     interrupt::listen();
     let program = Arc::clone(&session);
-    let server = serve((arguments.listen, arguments.port), program, feed)?;
+    let place = (arguments.listen, arguments.port);
+    let server = serve(place, program, (feed, session.lines.clone()))?;
     while !interrupt::requested() {
         std::thread::sleep(POLL);
     }
@@ -128,6 +130,7 @@ pub(crate) struct Watching {
     /// What shows the run.
     pub(crate) watch: Watch,
     feed: Feed,
+    lines: Lines,
     _server: Server,
 }
 
@@ -138,7 +141,8 @@ impl Watching {
             return Ok(None);
         }
         let feed = Feed::default();
-        let watch = Watch::of(&feed);
+        let lines = Lines::default();
+        let watch = Watch::of(&feed, &lines);
         let program = Watched {
             watch: watch.clone(),
             scene: scene_path.shown(),
@@ -146,15 +150,16 @@ impl Watching {
         let place = (options.listen, options.port);
         Ok(Some(Self {
             watch,
-            _server: serve(place, Arc::new(program), feed.clone())?,
+            _server: serve(place, Arc::new(program), (feed.clone(), lines.clone()))?,
             feed,
+            lines,
         }))
     }
 
-    /// Leaves open pages the time to fetch the last rows.
+    /// Leaves open pages and readers the time to fetch the last rows.
     pub(crate) fn finish(self) {
         self.feed.show("over", &json!(true));
-        if self.feed.is_watched() {
+        if self.feed.is_watched() || self.lines.are_read() {
             std::thread::sleep(LAST_ROWS);
         }
     }

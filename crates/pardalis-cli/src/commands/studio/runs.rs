@@ -36,7 +36,12 @@ impl Session {
                 session.tell();
             }
         };
-        inner.running = Some(Running::start(&path, scene, Watch::of(&self.feed), ended)?);
+        inner.running = Some(Running::start(
+            &path,
+            scene,
+            Watch::of(&self.feed, &self.lines),
+            ended,
+        )?);
         Ok(())
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use anyhow::Result;
-use pardalis_studio::Feed;
+use pardalis_studio::{Feed, Lines};
 use serde_json::Value;
 
 use super::collected::Held;
@@ -20,6 +20,8 @@ use crate::user_error::user_error;
 /// What is set up, and its run.
 pub(super) struct Session {
     pub(super) feed: Feed,
+    /// The estimates of runs, for other programs.
+    pub(super) lines: Lines,
     pub(super) places: Places,
     inner: Mutex<Inner>,
     /// For threads that outlive a request.
@@ -44,6 +46,7 @@ impl Session {
     pub(super) fn new(project: Project, places: Places, feed: Feed) -> Arc<Self> {
         Arc::new_cyclic(|me| Self {
             feed,
+            lines: Lines::default(),
             places,
             me: Weak::clone(me),
             inner: Mutex::new(Inner {

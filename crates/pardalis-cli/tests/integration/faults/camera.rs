@@ -177,7 +177,11 @@ impl Cameras {
 
     /// Returns the scene, whose target is the thrown ball.
     pub(super) fn scene(&self) -> String {
-        let source = |number: usize| format!("video = \"udp://cam{number}\"\n{}", self.settings);
+        let source = |number: usize| {
+            let settings = &self.settings;
+            // All frames come at once.
+            format!("video = \"udp://cam{number}\"\ninput.when_behind = \"wait\"\n{settings}")
+        };
         let mut scene = scene_with("images = \"images\"\nfps = 25", &source(1));
         let rest = scene.find("model.").unwrap();
         let targets = scene.find("[targets").unwrap();
@@ -189,6 +193,12 @@ impl Cameras {
             scene.insert_str(targets, &table);
         }
         scene
+    }
+
+    /// Returns the scene of the first camera with a file in its place.
+    pub(super) fn scene_of_file(&self, name: &str) -> String {
+        let live = "\"udp://cam1\"\ninput.when_behind = \"wait\"";
+        self.scene().replace(live, &format!("\"{name}\""))
     }
 
     /// Returns the command that tracks a scene with the stand-in for ffmpeg, with results in the folder `out`.

@@ -105,7 +105,7 @@ fn a_recording_with_a_wrong_time_stamp_keeps_all_its_rows() {
         .place
         .write("ride.nut", "the stand-in passes another stream on");
     cameras.opening("ride.nut", 1, stream);
-    let scene = cameras.scene().replace("udp://cam1", "ride.nut");
+    let scene = cameras.scene_of_file("ride.nut");
     let run = cameras.track_scene(scene).fine();
     assert!(
         run.stdout.starts_with("tracked 12 frames"),

@@ -49,7 +49,7 @@ fn ctrl_c_ends_a_wait_for_an_ffmpeg_that_hangs_in_a_file() {
     cameras
         .place
         .write("ride.nut", "the stand-in passes another stream on");
-    let scene = cameras.scene().replace("udp://cam1", "ride.nut");
+    let scene = cameras.scene_of_file("ride.nut");
     let mut program = cameras.start(scene);
     let tracks = cameras.place.path("out/tracks.csv");
     wait_for_lines(&mut program, &tracks, FRAMES);

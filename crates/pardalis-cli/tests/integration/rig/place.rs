@@ -195,7 +195,14 @@ impl Rig {
     pub(crate) fn frames(&self, camera: &str) -> Value {
         let frames = self.summary()["cameras"][camera]["frames"].clone();
         let count = |key: &str| frames[key].as_u64().unwrap();
-        let parts = ["used", "frozen", "dropped_late", "repeated", "broken"];
+        let parts = [
+            "used",
+            "frozen",
+            "dropped_late",
+            "overtaken",
+            "repeated",
+            "broken",
+        ];
         let sum: u64 = parts.into_iter().map(count).sum();
         assert_eq!(sum, count("delivered"), "{frames}");
         frames

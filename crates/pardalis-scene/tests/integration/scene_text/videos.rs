@@ -139,6 +139,16 @@ fn settings_of_videos_are_rejected_where_they_do_not_apply() {
                 "files only",
             ),
             (
+                "video = 'a'\ninput.when_behind = 'drop'",
+                &at("when_behind"),
+                "devices, addresses, pipes, and files with real_time only",
+            ),
+            (
+                "video = 'udp://a'\ninput.when_behind = 'hurry'",
+                &at("when_behind"),
+                "allowed: \"drop\", \"wait\"",
+            ),
+            (
                 "video = 'http://a'\ninput.rtsp_transport = 'udp'",
                 &transport,
                 "rtsp:// only",

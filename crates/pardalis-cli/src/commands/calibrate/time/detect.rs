@@ -107,8 +107,9 @@ pub(in crate::commands::calibrate) fn detect(
     cameras.into_iter().collect()
 }
 
-/// Returns the next delivery; none if this is the end.
+/// Returns the next delivery, of a live camera the newest; none if this is the end.
 fn next(source: &mut Source, until: &Until, watch: &Stopwatch) -> Option<Result<Delivery>> {
+    let mut newest = None;
     loop {
         if until.stop.is_requested() {
             return None;
@@ -123,7 +124,10 @@ fn next(source: &mut Source, until: &Until, watch: &Stopwatch) -> Option<Result<
             return None;
         }
         match source.poll_next() {
-            Poll::Ready(delivery) => return delivery,
+            Poll::Ready(Some(Ok(frame @ Delivery::Frame { .. }))) => newest = Some(Ok(frame)),
+            Poll::Ready(Some(Err(error))) => return Some(Err(error)),
+            Poll::Ready(other) => return newest.or(other),
+            Poll::Pending if newest.is_some() => return newest,
             Poll::Pending => thread::sleep(POLL),
         }
     }
