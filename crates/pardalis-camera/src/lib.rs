@@ -126,7 +126,7 @@ pub use pardalis_core::simd::Level;
 pub use perspective_mirror::PerspectiveMirror;
 pub use pinhole::Pinhole;
 pub use plane::Plane;
-pub use pose::{CalibratedCamera, Pose, looking_at, pose_from_matrix};
+pub use pose::{CalibratedCamera, Pose, looking_at, nearest_pose, pose_from_matrix};
 pub use rigid_motion::RigidMotion;
 pub use unified::Unified;
 

@@ -91,6 +91,36 @@ pub fn looking_at(from_m: Vector3<f64>, at_m: Vector3<f64>, roll_rad: f64) -> Op
     Some(Pose::from_parts(Translation3::from(from_m), rotation))
 }
 
+/// Returns the pose that best moves the second points to the first ones, in the sense of weighted least squares, from weights and pairs of points
+/// (Kabsch 1976; Umeyama 1991 without a scale). `None` if the points lie on a line, or there are fewer than three.
+pub fn nearest_pose(points: &[(f64, [Vector3<f64>; 2])]) -> Option<Pose> {
+    let total: f64 = points.iter().map(|(weight, _)| weight).sum();
+    let mean = |which: usize| {
+        let weighted = points.iter().map(|(weight, pair)| pair[which] * *weight);
+        weighted.sum::<Vector3<f64>>() / total
+    };
+    let (first, second) = (mean(0), mean(1));
+    let products = points
+        .iter()
+        .map(|(weight, [a, b])| (a - first) * (b - second).transpose() * *weight);
+    let svd = products.sum::<Matrix3<f64>>().svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    // The singular values are in descending order. Three points always lie in a plane, and a plane suffices.
+    let [largest, middle, _] = svd.singular_values.into();
+    if !(middle > 1e-6 * largest) {
+        return None;
+    }
+    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant()));
+    let rotation = Rotation3::from_matrix_unchecked(u * flip * v_t);
+    let translation = first - rotation * second;
+    let is_finite = rotation
+        .matrix()
+        .iter()
+        .chain(&translation)
+        .all(|v| v.is_finite());
+    is_finite.then(|| Pose::from_parts(Translation3::from(translation), rotation))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,6 +6,7 @@
 //! | Do confidences equal the observed frequencies? | [`reliability`] |
 //! | Do the track's states follow occlusions? | [`states`] |
 //! | Which track follows which object, and do they swap? | [`assign`], [`identities`], [`ends_on_another`] |
+//! | Where is the world of the tracks in that of the truth, if they differ? | [`alignment`], [`EstimatedState::moved`] |
 //! | How well do any number of tracks follow any number of objects? | [`crowd`] |
 //!
 //! # Example
@@ -38,6 +39,7 @@
 //! radians (headings and directions counter-clockwise from the x axis), probabilities and shares from 0 to 1.
 //! Errors are estimate minus truth.
 
+mod alignment;
 mod assignment;
 mod bootstrap;
 mod course;
@@ -51,6 +53,7 @@ mod spherical;
 mod states;
 mod summary;
 
+pub use alignment::alignment;
 pub use course::Course;
 pub use crowd::{Crowd, CrowdObject, crowd};
 pub use distribution::{Distribution, MeanSd};

@@ -6,8 +6,7 @@ use super::super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
 use super::super::pose::{closest_pose, slopes_by_pose, stepped_pose};
 use super::super::spread::Spread;
 use super::super::{CalibrationError, Correspondence, OUTLIER_SIGMAS, check, rms};
-use super::start::rigid_motion;
-use pardalis_camera::{Camera, Pose};
+use pardalis_camera::{Camera, Pose, nearest_pose};
 
 /// Largest residual of known points, and least width of known places, as a share of their extent.
 const NARROW: f64 = 0.05;
@@ -171,7 +170,7 @@ fn from_common_points(sights: &[RigSight]) -> Option<Pose> {
     if met.len() < 3 {
         return None;
     }
-    rigid_motion(&met)
+    nearest_pose(&met)
 }
 
 /// Returns the point of the rig nearest to the rays of the cameras to a known point, at least two.
@@ -306,7 +305,7 @@ pub fn align_to_places(
     }
     let widths_m = Spread::of(places.iter().map(|(_, place)| *place)).widths_m;
     let pose = (pairs.len() >= 3 && widths_m[1] > NARROW * widths_m[0])
-        .then(|| rigid_motion(&pairs))
+        .then(|| nearest_pose(&pairs))
         .flatten();
     let Some(world_from_rig) = pose else {
         return Err(CalibrationError::new(
@@ -345,7 +344,7 @@ pub fn align_to_places(
     if is_scaled {
         let grown = pairs.iter();
         let grown = grown.map(|(weight, [wanted, found])| (*weight, [*wanted, found * scale]));
-        if let Some(pose) = rigid_motion(&grown.collect::<Vec<_>>()) {
+        if let Some(pose) = nearest_pose(&grown.collect::<Vec<_>>()) {
             alignment.world_from_rig = pose;
         }
     }

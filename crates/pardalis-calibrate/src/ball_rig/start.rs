@@ -1,10 +1,10 @@
 //! A start without any guess of poses and offsets: each camera alone knows the ball's path roughly, because the size of
 //! the ball tells its distance. The paths of two cameras are brought into line for many offsets.
 
-use nalgebra::{Matrix3, Point3, Rotation3, Translation3, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::super::temporal::search::{RayTrack, TimedRay};
-use pardalis_camera::Pose;
+use pardalis_camera::{Pose, nearest_pose};
 use pardalis_core::rng::{Draws, Stage};
 
 /// Search steps per frame interval.
@@ -172,35 +172,5 @@ fn aligned<'a>(pairs: impl Iterator<Item = (f64, &'a Pair)>) -> Option<Pose> {
         let weight = weight / (pair.tolerance_m * pair.tolerance_m);
         (weight, [pair.first_m, pair.second_m])
     });
-    rigid_motion(&weighted.collect::<Vec<_>>())
-}
-
-/// Returns the rigid motion that takes the second points nearest to the first ones (weight, first and second), in the
-/// sense of least squares (Kabsch 1976); `None` if the points lie on a line.
-pub(super) fn rigid_motion(points: &[(f64, [Vector3<f64>; 2])]) -> Option<Pose> {
-    let total: f64 = points.iter().map(|(weight, _)| weight).sum();
-    let mean = |which: usize| {
-        let weighted = points.iter().map(|(weight, pair)| pair[which] * *weight);
-        weighted.sum::<Vector3<f64>>() / total
-    };
-    let (first, second) = (mean(0), mean(1));
-    let products = points
-        .iter()
-        .map(|(weight, [a, b])| (a - first) * (b - second).transpose() * *weight);
-    let svd = products.sum::<Matrix3<f64>>().svd(true, true);
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    // The singular values are in descending order. Three points always lie in a plane, and a plane suffices.
-    let [largest, middle, _] = svd.singular_values.into();
-    if !(middle > 1e-6 * largest) {
-        return None;
-    }
-    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant()));
-    let rotation = Rotation3::from_matrix_unchecked(u * flip * v_t);
-    let translation = first - rotation * second;
-    let is_finite = rotation
-        .matrix()
-        .iter()
-        .chain(&translation)
-        .all(|v| v.is_finite());
-    is_finite.then(|| Pose::from_parts(Translation3::from(translation), rotation))
+    nearest_pose(&weighted.collect::<Vec<_>>())
 }

@@ -252,12 +252,26 @@ impl Merge {
         self.held.iter().filter(waits).count() >= MAX_BACKLOG
     }
 
-    /// Drops the oldest frames of a camera that are due at `now_s`, on the clock of arrivals, if more than [`MAX_BEHIND`] are.
+    /// Returns the time up to which every camera has delivered frames, in seconds, where frames wait for nothing else.
+    fn complete_s(&self) -> f64 {
+        let lasts_s = self.cameras.iter().map(|seen| seen.counts.last_time_s);
+        let lasts_s = lasts_s.map(|last_s| last_s.unwrap_or(f64::NEG_INFINITY));
+        let first_s = lasts_s.fold(f64::INFINITY, f64::min);
+        if self.is_prompt {
+            first_s
+        } else {
+            f64::NEG_INFINITY
+        }
+    }
+
+    /// Drops the oldest frames of a camera that wait for nothing but tracking at `now_s`, on the clock of arrivals, if more than [`MAX_BEHIND`] do.
     pub(crate) fn overtake(&mut self, camera: usize, now_s: f64) {
-        let hold_s = self.hold_s;
-        let waits = |held: &Held| held.camera == camera && held.arrival_s + hold_s < now_s;
-        let due = self.held.iter().filter(|held| waits(held)).count();
-        let excess = due.saturating_sub(MAX_BEHIND);
+        let (hold_s, complete_s) = (self.hold_s, self.complete_s());
+        let is_due =
+            |held: &Held| held.arrival_s + hold_s < now_s || held.frame.time_s() <= complete_s;
+        let waits = |held: &Held| held.camera == camera && is_due(held);
+        let count = self.held.iter().filter(|held| waits(held)).count();
+        let excess = count.saturating_sub(MAX_BEHIND);
         // Held in order of arrival.
         let oldest = self.held.extract_if(.., |held| waits(held)).take(excess);
         self.cameras[camera].counts.overtaken += oldest.count();
@@ -277,12 +291,9 @@ impl Merge {
         let held_bytes: usize = self.held.iter().map(|held| held.frame.bytes().len()).sum();
         let times_s = self.held.iter().map(|held| held.frame.time_s());
         let first_s = times_s.reduce(f64::min)?;
-        let is_complete = || {
-            let mut lasts_s = self.cameras.iter().map(|seen| seen.counts.last_time_s);
-            self.is_prompt && lasts_s.all(|last_s| last_s.is_some_and(|last_s| last_s >= first_s))
-        };
+        let is_complete = first_s <= self.complete_s();
         let is_full = held_bytes > self.held_bytes_limit;
-        if !is_full && !is_complete() && !self.held.iter().any(is_due) {
+        if !is_full && !is_complete && !self.held.iter().any(is_due) {
             return None;
         }
         let begin_s = *self.begin_s.get_or_insert(first_s);

@@ -169,6 +169,18 @@ fn the_oldest_frames_are_dropped_while_tracking_is_slow() {
         (5, 2, 3)
     );
     assert_eq!(counts[1].overtaken, 0);
+    // While one camera lags, the others wait for it; what all have delivered waits for tracking.
+    let mut merge = Merge::new(2, 1.0, Limit::default()).prompt();
+    for n in 0..8 {
+        let time_s = 0.01 * f64::from(n);
+        merge.take(0, frame(time_s), time_s);
+    }
+    merge.overtake(0, 0.08);
+    assert_eq!(merge.held.len(), 8);
+    merge.take(1, frame(0.05), 0.08);
+    merge.overtake(0, 0.08);
+    let times_s: Vec<f64> = merge.held.iter().map(|held| held.frame.time_s()).collect();
+    assert_eq!(times_s, [0.04, 0.05, 0.06, 0.07, 0.05]);
     // No more than may wait, and those that are not due yet.
     let mut merge = Merge::new(1, 1.0, Limit::default());
     for n in 0..5 {

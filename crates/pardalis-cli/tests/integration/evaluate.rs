@@ -150,6 +150,77 @@ fn a_known_offset_is_measured() {
 }
 
 #[test]
+fn tracks_of_another_world_are_aligned_on_request() {
+    let folder = Folder::new("align");
+    // A quarter turn about z, and moved; the last quarter is lost in another place.
+    let rows = truth("dioptric-jump");
+    let quarter = |[x, y, z]: [f64; 3]| [-y, x, z];
+    let turned: Vec<TruthRow> = rows
+        .iter()
+        .map(|row| TruthRow {
+            position_m: quarter(row.position_m),
+            velocity_mps: quarter(row.velocity_mps),
+            ..row.clone()
+        })
+        .collect();
+    let file = tracks(&turned, [3.0, -1.0, 0.5]);
+    let path = folder.write("tracks.csv", &file);
+    let sequence = sequence("dioptric-jump");
+    let all = figures(&path, &sequence, &["--align"]);
+    let errors = &all["targets"][0]["all"]["errors"];
+    for figure in [&errors["position_m"]["max"], &errors["velocity_rmse_mps"]] {
+        assert!(figure.as_f64().unwrap() < 1e-6, "{figure}");
+    }
+    assert_near(&all["aligned"]["truth_from_tracks"][1][0], -1.0);
+    assert_near(&all["aligned"]["truth_from_tracks"][0][3], 1.0);
+    let plain = figures(&path, &sequence, &[]);
+    assert_eq!(plain["aligned"], Value::Null);
+    assert!(
+        plain["targets"][0]["all"]["errors"]["position_m"]["rmse"]
+            .as_f64()
+            .unwrap()
+            > 1.0
+    );
+    // Lost estimates do not turn the others.
+    let lost: Vec<TruthRow> = turned
+        .iter()
+        .enumerate()
+        .map(|(n, row)| {
+            let away_m = if n % 4 == 0 { 4.0 } else { 0.0 };
+            let [x, y, z] = row.position_m;
+            TruthRow {
+                position_m: [x + away_m, y, z],
+                ..row.clone()
+            }
+        })
+        .collect();
+    folder.write("tracks.csv", tracks(&lost, [3.0, -1.0, 0.5]));
+    let all = figures(&path, &sequence, &["--align"]);
+    let median = &all["targets"][0]["all"]["errors"]["position_m"]["median"];
+    assert!(median.as_f64().unwrap() < 1e-6, "{median}");
+    let table = evaluate(&path, &sequence, &["--align"]).stdout;
+    let table = String::from_utf8(table).unwrap();
+    assert!(
+        table.contains("\naligned  the tracks were turned by 90.00 degrees and moved by 3.2016 m"),
+        "{table}"
+    );
+    // On a line, nothing says how they are turned.
+    let line: Vec<TruthRow> = rows
+        .iter()
+        .map(|row| TruthRow {
+            position_m: [row.time_s, 0.0, 0.0],
+            ..row.clone()
+        })
+        .collect();
+    folder.write("tracks.csv", tracks(&line, [0.0; 3]));
+    let message = error_message(&path, &sequence, &["--align"]);
+    assert!(
+        message.contains("--align: 110 positions on a line"),
+        "{message}"
+    );
+}
+
+#[test]
 fn the_best_particle_is_evaluated_in_addition_to_the_mean() {
     let folder = Folder::new("best");
     let plain = tracks(&truth("dioptric-jump"), [0.03, -0.04, 0.12]);

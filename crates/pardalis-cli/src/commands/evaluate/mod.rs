@@ -1,5 +1,6 @@
 //! `pardalis evaluate`: compares tracks with the truth.
 
+mod align;
 mod between;
 mod confidence;
 mod crowds;
@@ -12,7 +13,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis_evaluate::{self, Sample, Settings, TrueState};
+use pardalis_evaluate::{self, Identities, Sample, Settings, TrueState};
 use serde::Deserialize as _;
 use serde_json::Value;
 
@@ -21,6 +22,7 @@ use crate::output::{Shown, print, warn};
 use crate::scene_files::read_text;
 use crate::tables::{self, Series, TrackRow};
 use crate::user_error::user_error;
+pub(crate) use align::Aligned;
 use confidence::Confidence;
 use frames::Frames;
 use pairing::Pair;
@@ -80,6 +82,11 @@ pub(crate) struct Options {
     /// velocities, otherwise linearly)
     #[arg(long)]
     pub(crate) interpolate: bool,
+    /// Moves and turns the tracks as one rigid body to where they fit the truth best, before they are evaluated: for tracks in a world frame of their own
+    ///
+    /// Estimates that count as lost then do not take part. Targets need the names of their objects, or --map.
+    #[arg(long)]
+    pub(crate) align: bool,
 }
 
 impl Default for Options {
@@ -95,6 +102,7 @@ impl Default for Options {
             to_s: None,
             seen_by: None,
             interpolate: false,
+            align: false,
         }
     }
 }
@@ -123,14 +131,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Result<Report> {
     let tracks_path = file_in(tracks, "tracks.csv");
     let truth_path = file_in(truth, "truth.csv");
-    let tracks = tables::read_tracks(&tracks_path)?;
+    let mut tracks = tables::read_tracks(&tracks_path)?;
     let mut objects = tables::read_truth(&truth_path)?;
     if options.interpolate {
         objects = between::at_times_of(&tracks, &objects);
     }
     let summary_path = tracks_path.with_file_name("summary.json");
     let summary = RunSummary::read(&summary_path)?;
-    let around = around(options, &summary, &summary_path)?;
+    let mut around = around(options, &summary, &summary_path)?;
     let mut settings = Settings::default();
     settings.around_m = around.position_m;
     settings.visible_over = options.visible_over;
@@ -139,6 +147,20 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     settings.lost_beyond_m = lost_beyond_m;
 
     let frames = Frames::of(&objects);
+    let aligned = if options.align {
+        let placed = Placed::of(&tracks, &objects, &frames);
+        let paths = (&*tracks_path, &*truth_path);
+        let aligned = Aligned::of(&placed, paths, options, lost_beyond_m)?;
+        aligned.move_tracks(&mut tracks);
+        // Given points are in the world of the truth.
+        if options.around.is_none() {
+            around.position_m = aligned.place(around.position_m);
+            settings.around_m = around.position_m;
+        }
+        Some(aligned)
+    } else {
+        None
+    };
     let placed = Placed::of(&tracks, &objects, &frames);
     if placed.track_rows.iter().flatten().all(Option::is_none) {
         let (tracks, truth) = ((&*tracks_path, &*tracks), (&*truth_path, &*objects));
@@ -177,17 +199,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         frames_in_a_second: frames.in_a_second,
     };
 
-    let identities = (pairs.len() > 1).then(|| {
-        let of_tracks = pairs.iter();
-        let of_tracks: Vec<_> = of_tracks
-            .map(|p| &placed.track_paths[p.target][rules.window.clone()])
-            .collect();
-        let of_objects = pairs.iter();
-        let of_objects: Vec<_> = of_objects
-            .map(|p| &placed.object_paths[p.object][rules.window.clone()])
-            .collect();
-        pardalis_evaluate::identities(&of_tracks, &of_objects, lost_beyond_m)
-    });
+    let identities = identities(&placed, &pairs, &rules);
     let targets = pairs
         .iter()
         .map(|pair| target_report(&placed, pair, &rules));
@@ -202,6 +214,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     Ok(Report {
         tracks: tracks_path,
         truth: truth_path,
+        aligned,
         around,
         visible_over: options.visible_over,
         lost_beyond_m,
@@ -299,6 +312,23 @@ fn pairs(
         (pair.target, pair.object) = (tracks[pair.target], objects[pair.object]);
     }
     Ok(pairs)
+}
+
+/// Reports which target follows which object; `None` with fewer than two targets.
+fn identities(placed: &Placed, pairs: &[Pair], rules: &Rules) -> Option<Identities> {
+    let window = || rules.window.clone();
+    let of_tracks = pairs
+        .iter()
+        .map(|p| &placed.track_paths[p.target][window()]);
+    let of_objects = pairs
+        .iter()
+        .map(|p| &placed.object_paths[p.object][window()]);
+    let (of_tracks, of_objects) = (
+        of_tracks.collect::<Vec<_>>(),
+        of_objects.collect::<Vec<_>>(),
+    );
+    let lost_beyond_m = rules.settings.lost_beyond_m;
+    (pairs.len() > 1).then(|| pardalis_evaluate::identities(&of_tracks, &of_objects, lost_beyond_m))
 }
 
 /// Evaluates a target against its object.

@@ -9,6 +9,7 @@ use pardalis_evaluate::{
 };
 use serde::Serialize;
 
+use super::align::Aligned;
 use super::confidence::Confidence;
 pub(crate) use super::pairing::MatchedBy;
 use crate::numbers::{counted, fixed, plain};
@@ -21,6 +22,8 @@ pub(crate) struct Report {
     pub(crate) tracks: PathBuf,
     /// The truth.csv that was read.
     pub(crate) truth: PathBuf,
+    /// Where the tracks' world was moved to, if that was asked for.
+    pub(crate) aligned: Option<Aligned>,
     /// Origin of distance, elevation and azimuth.
     pub(crate) around: Point,
     /// An object counts as visible if more than this share of it is visible.
@@ -110,6 +113,15 @@ impl fmt::Display for Report {
         let [x, y, z] = self.around.position_m.map(plain);
         writeln!(f, "tracks   {}", self.tracks.shown())?;
         writeln!(f, "truth    {}", self.truth.shown())?;
+        if let Some(aligned) = &self.aligned {
+            let (angle_deg, distance_m) = aligned.extent();
+            writeln!(
+                f,
+                "aligned  the tracks were turned by {} degrees and moved by {} m",
+                fixed(angle_deg, 2),
+                fixed(distance_m, 4)
+            )?;
+        }
         writeln!(f, "around   ({x}, {y}, {z}) m: {}", self.around.source)?;
         writeln!(
             f,

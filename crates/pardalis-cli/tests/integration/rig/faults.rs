@@ -180,7 +180,8 @@ mod with_ffmpeg {
     #[test]
     fn a_silent_live_camera_does_not_stop_the_other() {
         let script = "FFMPEG \"$@\" | head -c 4000000; exec sleep 1000";
-        let Some(rig) = rig_with_video("input.real_time = true", script) else {
+        let settings = "input.real_time = true\ninput.when_behind = \"wait\"";
+        let Some(rig) = rig_with_video(settings, script) else {
             return;
         };
         let mut child = {
