@@ -96,7 +96,10 @@ pub(crate) fn parse_words(argument: &str) -> Result<Board> {
 }
 
 /// Like [`parse_board`]; `read_text` returns the text of the file at a path.
-pub(crate) fn parse_with(argument: &str, read_text: impl Fn(&Path) -> Result<String>) -> Result<Board> {
+pub(crate) fn parse_with(
+    argument: &str,
+    read_text: impl Fn(&Path) -> Result<String>,
+) -> Result<Board> {
     let path = Path::new(argument);
     let file = match path.extension().and_then(|extension| extension.to_str()) {
         Some("toml") => from_toml(argument, &read_text(path)?)?,

@@ -518,7 +518,10 @@ fn what_does_not_determine_a_rig_is_refused_without_writing() {
         refused(&["--max-offset-s", wrong], &["max-offset-s", "allowed"]);
         refused(&["--duration", wrong], &["duration", "allowed"]);
     }
-    refused(&["--points", "none.csv"], &["none.csv", "give a CSV file"]);
+    refused(
+        &["--points", "none.csv"],
+        &["none.csv", "there is no such file"],
+    );
     refused(
         &["--points", "broken.csv"],
         &["broken.csv", "line 2", "zero"],
