@@ -181,3 +181,35 @@ def test_live_cameras_are_calibrated_while_the_ball_is_waved(studio, desk, strea
     # The pictures are back.
     one.step("sources")
     expect(page.locator("figure .live")).to_have_count(2)
+
+
+def test_a_calibration_file_with_poses_is_replaced_by_that_of_the_rig(studio, desk):
+    shutil.copy(SEQUENCE / "cameras.json", desk)
+    text = re.sub(r"model\.pinhole = .*", 'calibration = "cameras.json"', (desk / "desk.toml").read_text())
+    (desk / "desk.toml").write_text(text)
+    one = studio("desk.toml")
+    page = one.page
+    before = one.ask("state")["text"]
+    one.step("pose")
+    page.select_option("#way", "ball")
+    page.click("#wave")
+    page.click("#use-rig")
+    until(lambda: one.ask("state")["text"] != before)
+    rig = desk / "desk.rig.toml"
+    run("calibrate", "rig", "desk.toml", "-o", "other", folder=desk)
+    assert rig.read_text() == (desk / "other/rig.toml").read_text()
+    after = one.ask("state")
+    assert after["text"].count('calibration = "desk.rig.toml"') == 2 and "world_from_camera" not in after["text"]
+    assert after["problems"] == []
+    page.click("#undo")
+    until(lambda: not rig.exists())
+    assert one.ask("state")["text"] == before
+    page.click("#redo")
+    until(rig.exists)
+    # Another program's file of that name is not replaced.
+    page.click("#undo")
+    until(lambda: not rig.exists())
+    rig.write_text("mine")
+    assert "exists already" in one.ask("use_rig")["error"]
+    assert rig.read_text() == "mine"
+    one.errors.clear()
