@@ -432,14 +432,27 @@ fn finish(
     })
 }
 
-fn coverage(views: &[CalibrationView], (width, height): (usize, usize)) -> f64 {
-    const CELLS: usize = 10;
-    let mut occupied = [false; CELLS * CELLS];
-    for c in views.iter().flat_map(|v| &v.correspondences) {
-        let cell = |x: f64, size: usize| {
-            (((x + 0.5) / size as f64 * CELLS as f64).max(0.0) as usize).min(CELLS - 1)
-        };
-        occupied[cell(c.pixel[1], height) * CELLS + cell(c.pixel[0], width)] = true;
+/// Cells of an image in each direction, for [`covered`].
+const CELLS: usize = 10;
+
+/// Reports for each cell of a 10 x 10 grid over an image of this width and height, row by row from the top, whether one of the pixels is in it.
+pub fn covered(
+    pixels: impl Iterator<Item = [f64; 2]>,
+    (width, height): (usize, usize),
+) -> [[bool; CELLS]; CELLS] {
+    let cell = |x: f64, size: usize| {
+        (((x + 0.5) / size as f64 * CELLS as f64).max(0.0) as usize).min(CELLS - 1)
+    };
+    let mut cells = [[false; CELLS]; CELLS];
+    for [u, v] in pixels {
+        cells[cell(v, height)][cell(u, width)] = true;
     }
-    occupied.iter().filter(|s| **s).count() as f64 / occupied.len() as f64
+    cells
+}
+
+fn coverage(views: &[CalibrationView], size_px: (usize, usize)) -> f64 {
+    let points = views.iter().flat_map(|view| &view.correspondences);
+    let cells = covered(points.map(|point| point.pixel), size_px);
+    let count = cells.as_flattened().iter().filter(|cell| **cell).count();
+    count as f64 / (CELLS * CELLS) as f64
 }

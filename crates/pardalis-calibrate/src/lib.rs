@@ -4,6 +4,7 @@
 //! | to find | from | use |
 //! |---|---|---|
 //! | the corners of a checkerboard, ChArUco board or AprilGrid | an image | [`board::detect`] |
+//! | views of a board that is moved by hand which add something | its corners in frames | [`board::Collection`] |
 //! | intrinsics and poses | points with known positions, or several views of a board | [`calibrate`] |
 //! | the pose of a calibrated camera | four points in a plane, or six | [`fit_pose`] |
 //! | the relative poses of several cameras | simultaneous views of a board | [`calibrate_rig`] |
@@ -92,7 +93,7 @@ pub use ball_rig::{
     BallRigCalibration, BallRigCamera, BallRigSettings, BallSighting, FocalFit, RigAlignment,
     RigSight, align_to_places, align_to_points, calibrate_ball_rig,
 };
-pub use intrinsics::{Calibration, FittedParameter, FittedView, calibrate};
+pub use intrinsics::{Calibration, FittedParameter, FittedView, calibrate, covered};
 pub use mount::{MountCalibration, MountSettings, MountView, PlatformAt, calibrate_mount};
 pub use pose::{PoseFit, closest_pose, fit_pose};
 pub use rig::{RigCalibration, RigCamera, calibrate_rig};

@@ -39,3 +39,12 @@ pub(crate) fn parse_size(text: &str) -> Result<(usize, usize), String> {
             )
         })
 }
+
+/// Parses a duration in seconds.
+pub(crate) fn parse_duration_s(text: &str) -> Result<f64, String> {
+    let duration_s = text.parse().ok();
+    let is_valid = |&duration_s: &f64| duration_s > 0.0 && duration_s.is_finite();
+    duration_s
+        .filter(is_valid)
+        .ok_or_else(|| "allowed: a number of seconds above 0".to_owned())
+}

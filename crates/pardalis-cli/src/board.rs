@@ -84,6 +84,17 @@ pub(crate) fn parse_board(argument: &str) -> Result<Board> {
     parse_with(argument, read_text)
 }
 
+/// Returns the board that words describe, for a page that may not name files.
+#[cfg(feature = "studio")]
+pub(crate) fn parse_words(argument: &str) -> Result<Board> {
+    let no_file = |_: &Path| {
+        Err(user_error!(
+            "describe the board in words, such as checkerboard:9x6:0.025"
+        ))
+    };
+    parse_with(argument, no_file)
+}
+
 /// Like [`parse_board`]; `read_text` returns the text of the file at a path.
 pub(crate) fn parse_with(
     argument: &str,

@@ -89,9 +89,9 @@ pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
     parse(&read_scene_text(path)?, path, replaced)
 }
 
-/// Reads and checks a scene file like [`read`], whose cameras may lack poses.
-pub(crate) fn read_without_poses(path: &Path) -> Result<Scene> {
-    checked(&read_scene_text(path)?, path, Scene::parse_without_poses)
+/// Reads and checks the text of a scene like [`parse`], whose cameras may lack poses.
+pub(crate) fn parse_without_poses(text: &str, path: &Path) -> Result<Scene> {
+    checked(text, path, Scene::parse_without_poses)
 }
 
 /// Reads and checks the text of a scene that is in the file at `path`, or will be, like [`read_with`].
@@ -203,7 +203,7 @@ pub(crate) fn open_parts(path: &Path) -> Result<Parts> {
 }
 
 /// Reads a scene's text and opens the files that it names in a folder, except for frames: `sizes_px` are those of the images of cameras, by their
-/// names, as far as they are known.
+/// names, as far as they are known. Cameras may lack poses, which is among the problems.
 #[cfg(feature = "studio")]
 pub(crate) fn parts_of_text(
     text: &str,
@@ -211,7 +211,7 @@ pub(crate) fn parts_of_text(
     sizes_px: &std::collections::BTreeMap<String, (usize, usize)>,
 ) -> Parts {
     let (scene, problems) =
-        Scene::parse_parts(text, &|file, lens| read_calibration(folder, file, lens));
+        Scene::parse_parts_without_poses(text, &|file, lens| read_calibration(folder, file, lens));
     let missing = named_files::missing(text, folder, &scene);
     let mut parts = Parts::with(scene, problems);
     parts.assembly.problems.extend(missing);

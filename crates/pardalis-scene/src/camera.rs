@@ -340,7 +340,15 @@ fn read_optics(
     };
     if let Some(missing) = pose_is_missing.filter(|_| poses == Poses::Stated) {
         let wanted = <[[f64; 4]; 4]>::allowed();
-        table.problem(pose_key, format!("{missing}; give {wanted}"));
+        let commands = if pose_key == "world_from_camera" {
+            "`pardalis calibrate pose` or, for several cameras at once, `pardalis calibrate rig`"
+        } else {
+            "`pardalis calibrate mount`"
+        };
+        table.problem(
+            pose_key,
+            format!("{missing}; give {wanted}, or find it with {commands}"),
+        );
     }
     let given_pose = read_any_pose(table);
     let file_pose = file.as_ref().and_then(|file| file.world_from_camera);

@@ -148,8 +148,29 @@ impl Scene {
     /// targets with problems, and has none after a syntax error. References between cameras and targets hold only if there
     /// are no problems.
     pub fn parse_parts(text: &str, read_calibration: ReadCalibration) -> (Self, Vec<Problem>) {
+        Self::read_parts(text, read_calibration, Poses::Stated)
+    }
+
+    /// Reads a scene's text like [`Scene::parse_parts`], for a caller who shows cameras of which no pose is known: these remain in the scene, as in
+    /// [`Scene::parse_without_poses`], and that their poses are missing is among the problems.
+    pub fn parse_parts_without_poses(
+        text: &str,
+        read_calibration: ReadCalibration,
+    ) -> (Self, Vec<Problem>) {
+        let (mut scene, problems) = Self::read_parts(text, read_calibration, Poses::Stated);
+        scene.cameras = Self::read_parts(text, read_calibration, Poses::Sought)
+            .0
+            .cameras;
+        (scene, problems)
+    }
+
+    fn read_parts(
+        text: &str,
+        read_calibration: ReadCalibration,
+        poses: Poses,
+    ) -> (Self, Vec<Problem>) {
         let read = read_parts(text, &toml::Table::new(), |_, table| {
-            Self::read(table, read_calibration, (Inputs::Named, Poses::Stated))
+            Self::read(table, read_calibration, (Inputs::Named, poses))
         });
         let mut scene = read.result;
         match read.found {

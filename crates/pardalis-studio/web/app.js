@@ -167,7 +167,7 @@ function renderPictures() {
     for (const [name, picture] of app.pictures) showLatest(name, picture);
   }
   for (const [name, picture] of app.pictures) {
-    picture.caption.replaceChildren(...captionOf(name));
+    replaceChildren(picture.caption, captionOf(name));
     picture.redraw();
   }
 }

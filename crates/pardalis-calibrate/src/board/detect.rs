@@ -113,8 +113,14 @@ fn fit(board: &Board, image: &GrayImage, placed: &PlacedCorners) -> Vec<Corner> 
             if radius_px < MIN_FIT_RADIUS_PX {
                 return None;
             }
-            let pixel = saddle::refine(image, start, radius_px.min(MAX_FIT_RADIUS_PX))?.pixel;
-            Some(Corner { id, board_m, pixel })
+            let (fitted, edge_width_px) =
+                saddle::refine(image, start, radius_px.min(MAX_FIT_RADIUS_PX))?;
+            Some(Corner {
+                id,
+                board_m,
+                pixel: fitted.pixel,
+                edge_width_px,
+            })
         })
         .collect();
     corners.sort_by_key(|corner| corner.id);

@@ -40,6 +40,7 @@
 //! so that any lens may bend the board. Markers, or the extent and the colours of a checkerboard, determine the
 //! position of a lattice on the board. Finally each corner is fitted in the image at full size.
 
+mod collection;
 mod detect;
 mod error;
 mod lattice;
@@ -53,6 +54,7 @@ use pardalis_core::Error;
 
 use marker::Dictionary;
 
+pub use collection::{Collection, NotAdded};
 pub use detect::detect;
 pub use error::BoardNotFound;
 
@@ -123,6 +125,8 @@ pub struct Corner {
     pub board_m: [f64; 3],
     /// Position in the image in pixels; pixel centres have integer coordinates.
     pub pixel: [f64; 2],
+    /// How blurred the edges are that meet there, in pixels: the brightness across an edge follows tanh(distance / width).
+    pub edge_width_px: f64,
 }
 
 impl Board {

@@ -60,8 +60,9 @@ pub(super) fn brightness(image: &GrayImage, [x, y]: [f64; 2]) -> f64 {
 /// Fits two crossing blurred edges to the pixels within `radius_px` of `start` by the Levenberg-Marquardt method: the
 /// brightness is mean + contrast tanh(a / width) tanh(b / width), with the distances a and b from the edges.
 ///
-/// Returns `None` if the pixels do not show such a crossing, or if it is farther than `radius_px` from the start.
-pub(super) fn refine(image: &GrayImage, start: Saddle, radius_px: f64) -> Option<Saddle> {
+/// Returns the saddle point and the width, or `None` if the pixels do not show such a crossing, or if it is farther than
+/// `radius_px` from the start.
+pub(super) fn refine(image: &GrayImage, start: Saddle, radius_px: f64) -> Option<(Saddle, f64)> {
     const STEPS: usize = 30;
     let samples = samples_around(image, start.pixel, radius_px);
     if samples.len() < 12 {
@@ -115,9 +116,12 @@ pub(super) fn refine(image: &GrayImage, start: Saddle, radius_px: f64) -> Option
         .map(|(_, v)| (v - at[4]).powi(2))
         .sum::<f64>();
     // The crossing must explain more than half of the variance.
-    (moved_px <= radius_px && at[5] > 0.0 && cost < 0.5 * spread).then(|| Saddle {
-        pixel: [at[0], at[1]],
-        directions_rad: [at[2], at[3], at[2] + PI, at[3] + PI],
+    (moved_px <= radius_px && at[5] > 0.0 && cost < 0.5 * spread).then(|| {
+        let saddle = Saddle {
+            pixel: [at[0], at[1]],
+            directions_rad: [at[2], at[3], at[2] + PI, at[3] + PI],
+        };
+        (saddle, at[6].abs())
     })
 }
 
@@ -188,9 +192,10 @@ mod tests {
             pixel: [21.0, 18.0],
             directions_rad: [0.4, 1.9, 0.4 + PI, 1.9 + PI],
         };
-        let fitted = refine(&image, start, 8.0).unwrap();
+        let (fitted, width_px) = refine(&image, start, 8.0).unwrap();
         let error_px = (fitted.pixel[0] - center[0]).hypot(fitted.pixel[1] - center[1]);
         assert!(error_px < 0.005, "{:?}", fitted.pixel);
         assert!((fitted.directions_rad[0] - first).abs() < 0.002);
+        assert!((width_px - width).abs() < 0.01, "{width_px}");
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 
-use crate::arguments::Threads;
+use crate::arguments::{Threads, parse_duration_s};
 use crate::commands::run_report::{never_found, summary, warnings};
 use crate::commands::studio::{WatchOptions, Watching};
 use crate::interrupt::Stop;
@@ -111,15 +111,6 @@ pub(crate) struct Arguments {
 fn parse_frames(text: &str) -> Result<NonZeroUsize, String> {
     text.parse()
         .map_err(|_| "allowed: a whole number above 0".to_owned())
-}
-
-/// Parses a duration in seconds.
-fn parse_duration_s(text: &str) -> Result<f64, String> {
-    let duration_s = text.parse().ok();
-    let is_valid = |&duration_s: &f64| duration_s > 0.0 && duration_s.is_finite();
-    duration_s
-        .filter(is_valid)
-        .ok_or_else(|| "allowed: a number of seconds above 0".to_owned())
 }
 
 /// Runs the command.

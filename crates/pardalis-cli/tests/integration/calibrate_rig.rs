@@ -395,7 +395,8 @@ fn focal_lengths_are_refined_on_request() {
     let run = Run::pardalis(&folder, &["calibrate", "rig", "scene.toml"]).fine();
     println!("{}{}", run.stdout, run.stderr);
     assert!(
-        run.stdout.contains("or give --refine-focal"),
+        run.stdout
+            .contains("or refine the focal lengths (--refine-focal)"),
         "{}",
         run.stdout
     );
@@ -513,8 +514,14 @@ fn what_does_not_determine_a_rig_is_refused_without_writing() {
         &["--target", "cup"],
         &["scene.toml", "ball", "--target NAME"],
     );
-    refused(&["--max-offset-s", "nan"], &["max-offset-s", "allowed"]);
-    refused(&["--points", "none.csv"], &["none.csv", "give a CSV file"]);
+    for wrong in ["nan", "-1", "0"] {
+        refused(&["--max-offset-s", wrong], &["max-offset-s", "allowed"]);
+        refused(&["--duration", wrong], &["duration", "allowed"]);
+    }
+    refused(
+        &["--points", "none.csv"],
+        &["none.csv", "there is no such file"],
+    );
     refused(
         &["--points", "broken.csv"],
         &["broken.csv", "line 2", "zero"],
@@ -551,5 +558,76 @@ fn what_does_not_determine_a_rig_is_refused_without_writing() {
     // Tracking still needs poses.
     write(&text);
     let arguments = ["track", "scene.toml", "-o", "out"];
-    Run::pardalis(&folder, &arguments).refused(&["world_from_camera", "is missing"]);
+    Run::pardalis(&folder, &arguments).refused(&[
+        "world_from_camera",
+        "is missing",
+        "`pardalis calibrate rig`",
+    ]);
+}
+
+#[test]
+fn a_corrected_scene_leaves_no_pose_beside_that_of_a_calibration_file() {
+    let text = scene("webcams-two", true, 1.0);
+    // One camera overrides the pose of its file.
+    let moved =
+        "fps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 9], [0, 0, 0, 1]]";
+    let folder = folder(&[
+        ("scene.toml", text.clone()),
+        ("moved.toml", text.replacen("fps = 25", moved, 1)),
+    ]);
+    for name in ["scene", "moved"] {
+        let (from, to) = (format!("{name}.toml"), format!("{name}-new.toml"));
+        Run::pardalis(&folder, &["calibrate", "rig", &from, "--corrected", &to]);
+        let out = format!("{name}-out");
+        // Without the warning that a pose overrides that of the file.
+        Run::pardalis(&folder, &["track", &to, "-o", &out, "--no-plots"]).fine();
+        // It tracks with the poses that were found: those of the rig's file.
+        let new = fs::read_to_string(folder.path().join(&to)).unwrap();
+        let rig = format!("calibration = \"{name}-rig/rig.toml\"");
+        assert_eq!(new.matches(&rig).count(), 2, "{new}");
+        assert_eq!(new.contains("world_from_camera"), name == "moved", "{new}");
+    }
+}
+
+#[test]
+fn live_cameras_are_watched_for_a_while() {
+    let folder = folder(&[]);
+    let mut text = scene("webcams-two", false, 1.0);
+    for name in ["cam1", "cam2"] {
+        let images = data("webcams-two").join("frames").join(name);
+        let film = format!("{name}.mkv");
+        let encoded = std::process::Command::new("ffmpeg")
+            .args(["-v", "error", "-framerate", "25", "-i"])
+            .arg(images.join("%06d.jpg"))
+            .args(["-c:v", "mjpeg", "-q:v", "2", "-pix_fmt", "yuvj420p"])
+            .arg(folder.path().join(&film))
+            .status();
+        if !encoded.is_ok_and(|status| status.success()) {
+            println!("skipped: ffmpeg is not installed");
+            return;
+        }
+        let recorded = format!("images = '{}'\nfps = 25", images.display());
+        // At the rate of a camera.
+        let live = format!("video = \"{film}\"\ninput.real_time = true");
+        text = text.replace(&recorded, &live);
+    }
+    fs::write(folder.path().join("live.toml"), text).unwrap();
+    let rig = ["calibrate", "rig", "live.toml"];
+    Run::pardalis(&folder, &rig).refused(&["cam1.mkv", "is live", "--duration SECONDS"]);
+    let enough = ["--duration", "5", "--corrected", "new.toml"];
+    Run::pardalis(&folder, &[&rig[..], &enough].concat()).fine();
+    let table = fs::read_to_string(folder.path().join("live-rig/cameras.csv")).unwrap();
+    for row in table.lines().skip(1) {
+        // Both were watched at once, and neither to its end.
+        let frames: usize = row.split(',').nth(1).unwrap().parse().unwrap();
+        assert!((60..160).contains(&frames), "{table}");
+    }
+    let found = poses(&folder.path().join("live-rig/rig.toml"));
+    let truth = poses(&data("webcams-two").join("cameras.json"));
+    let [found, truth] = [found, truth].map(|poses| poses[0].inverse() * poses[1]);
+    let apart = truth.inverse() * found;
+    assert!(
+        apart.rotation.angle() < 0.05 && apart.translation.vector.norm() < 0.05,
+        "{apart}"
+    );
 }

@@ -329,6 +329,22 @@ fn the_sound_parts_of_a_scene_come_with_its_problems() {
     assert_eq!(problems, Scene::parse(&wrong, &no_calibration).unwrap_err());
     assert_eq!(rest.cameras, scene.cameras[1..]);
     assert_eq!(rest.targets, scene.targets);
+    // Cameras of which only the pose is missing can be shown, but that it is missing is a problem.
+    let pose = "world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
+    let poseless = SCENE.replace(pose, "");
+    let (rest, problems) = Scene::parse_parts(&poseless, &no_calibration);
+    assert_eq!(rest.cameras.len(), scene.cameras.len() - 1);
+    let (shown, same) = Scene::parse_parts_without_poses(&poseless, &no_calibration);
+    assert_eq!(same, problems);
+    assert!(
+        problems[0].message.starts_with("is missing"),
+        "{problems:?}"
+    );
+    let with_poses = |scene: &Scene| -> Vec<bool> {
+        scene.cameras.iter().map(|camera| camera.has_pose).collect()
+    };
+    assert_eq!(with_poses(&scene), [true, true, true]);
+    assert_eq!(with_poses(&shown), [true, false, true]);
     // The rest may follow from it.
     let unclosed = SCENE.replace("seed = 7", "seed = [7");
     let (rest, problems) = Scene::parse_parts(&unclosed, &no_calibration);

@@ -2,7 +2,11 @@
 
 import { ask } from "../connection.js";
 import { button, el, field, fixed } from "../elements.js";
+import { boardTold, drawBoard, renderBoard } from "./board.js";
 
+const WAYS = { simple: "Angle or file", board: "Hold up a board" };
+
+let way = "simple";
 let listing = null;
 
 async function list(app, folder = null) {
@@ -42,7 +46,13 @@ export const camera = {
   isBegun: ({ state }) => state.cameras.length > 0,
   isDone: ({ state }) => state.cameras.length > 0 && !state.guesses.some(({ step }) => step === "camera"),
   hint: (app) => (app.camera ? `How does ${app.camera} see? A calibration is best; its angle of view will do for a start.` : "Add a camera first."),
-  picture: (app, name) => ({ draw: (context, px) => drawAngles(context, px, app.state.cameras.find((one) => one.name === name)) }),
+  picture: (app, name) => ({
+    draw: (context, px) => (way === "board" ? drawBoard(app, context, px, name) : drawAngles(context, px, app.state.cameras.find((one) => one.name === name))),
+  }),
+  pictureKey: () => way,
+  told: (app, topic, value) => topic === "board" && way === "board" && boardTold(app, value),
+  /** Nobody sees what is found. */
+  leave: (app) => app.latest.get("board")?.is_looking && ask("leave_board"),
 
   render(app) {
     const one = app.state.cameras.find(({ name }) => name === app.camera);
@@ -53,8 +63,11 @@ export const camera = {
     const isGuess = app.state.guesses.some(({ key }) => key.startsWith(`cameras.${one.name}.model`));
     const now = one.calibration ? `Calibrated: ${one.calibration} (${one.model}).` : isGuess ? "A typical angle of view was guessed." : `${one.model}, as the scene says.`;
     const use = (path) => app.change("set_calibration", { camera: one.name, file: path });
+    const ways = Object.entries(WAYS).map(([id, name]) => button(name, () => { way = id; app.render(); }, { id: `way-${id}`, "aria-pressed": String(id === way) }));
+    const head = [el("p", { class: "now" }, now), el("div", { class: "tabs" }, ways)];
+    if (way === "board") return [head, renderBoard(app, one.name)];
     return [
-      el("p", { class: "now" }, now),
+      head,
       el("h3", {}, "Angle of view"),
       el("p", {}, "Between the left and the right edge of the image. Webcams have 50° to 75°, phones about 65°."),
       el(

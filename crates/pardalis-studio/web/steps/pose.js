@@ -3,8 +3,9 @@
 import { ask } from "../connection.js";
 import { button, choice, el, field, fixed } from "../elements.js";
 import { drawText } from "../picture.js";
+import { drawBalls, renderWave, waveTold } from "./wave.js";
 
-const WAYS = { points: "Known points", rectangle: "A rectangle on the floor", board: "A calibration board on the floor" };
+const WAYS = { points: "Known points", rectangle: "A rectangle on the floor", board: "A calibration board on the floor", ball: "A waved ball, for all cameras at once" };
 const AXES = [["x", "#ff5a4f"], ["y", "#52d273"], ["z", "#5aa9ff"]];
 
 let way = "points";
@@ -18,9 +19,8 @@ let board = "checkerboard:9x6:0.025";
 const pointsOf = (name) => points.get(name) ?? points.set(name, []).get(name);
 
 /** Asks for the floor as the camera shows it. */
-async function look(app) {
-  const name = app.camera;
-  if (!name) return;
+async function look(app, { name, has_pose: hasPose }, isGuess) {
+  if (!hasPose && !isGuess) return;
   const key = app.state.text;
   if (floors.get(name)?.key === key) return;
   floors.set(name, { key });
@@ -46,7 +46,8 @@ function drawLine(context, line) {
   context.stroke();
 }
 
-function draw(context, px, name) {
+function draw(context, px, name, about) {
+  if (way === "ball") return drawBalls(context, px, about);
   const floor = floors.get(name);
   for (const [color, width] of [["#0007", 2.6], ["#fffa", 1.1]]) {
     context.strokeStyle = color;
@@ -148,6 +149,7 @@ const WAYS_TO = {
       el("p", {}, button("Find it and compute the pose", () => compute(app, "set_pose_of_board", { board: input.value.trim() }), { id: "find-board", class: "primary" })),
     ];
   },
+  ball: (app) => renderWave(app, points),
 };
 
 export const pose = {
@@ -155,24 +157,30 @@ export const pose = {
   title: "Pose",
   isBegun: ({ state }) => state.cameras.length > 0,
   isDone: ({ state }) => state.cameras.length > 0 && !state.guesses.some(({ step }) => step === "pose"),
-  hint: (app) => (app.camera ? `Where is ${app.camera}, and where does it look? The grid shows where the scene has the floor.` : "Add a camera first."),
+  /** The ball is looked for in all cameras. */
+  get showsAll() { return way === "ball"; },
+  told: (app, topic, value) => topic === "rig" && way === "ball" && waveTold(app, value),
+  hint: (app) => (way === "ball" ? "Where are the cameras? One waved ball tells it, and by how much their clocks differ." : app.camera ? `Where is ${app.camera}, and where does it look? The grid shows where the scene has the floor.` : "Add a camera first."),
   picture: (app, name) => ({
     help: "Arrows move a cross, Enter marks a known point.",
-    point: way !== "board" && ((at_px) => { pointsOf(name).push({ at_px, world_m: [0, 0, 0] }); redrawn(app); }),
-    draw: (context, px) => draw(context, px, name),
+    point: (way === "points" || way === "rectangle") && ((at_px) => { pointsOf(name).push({ at_px, world_m: [0, 0, 0] }); redrawn(app); }),
+    draw: (context, px, about) => draw(context, px, name, about),
   }),
   pictureKey: () => way,
 
   render(app) {
     const one = app.state.cameras.find(({ name }) => name === app.camera);
     if (!one) return [];
-    look(app);
     const isGuess = app.state.guesses.some(({ key }) => key === `cameras.${one.name}.world_from_camera`);
+    if (way !== "ball") look(app, one, isGuess);
     const at = one.position_m && one.position_m.map((value) => fixed(value, 2)).join(", ");
     const step = floors.get(one.name)?.step_m;
+    const ways = Object.entries(WAYS).filter(([id]) => id !== "ball" || app.state.cameras.length > 1);
+    const guess = "A guess. With one camera you can go on: distances from the camera will be right, directions in the room will not.";
+    const now = isGuess ? guess : one.has_pose ? `At ${at} m.` : "Not known yet.";
     return [
-      el("p", { class: "now" }, isGuess ? "A guess. With one camera you can go on: distances from the camera will be right, directions in the room will not." : `At ${at} m.`, step && ` The lines of the grid are ${step} m apart.`),
-      field("From", choice(Object.entries(WAYS), way, (value) => { way = value; app.render(); }, { id: "way" })),
+      way !== "ball" && el("p", { class: "now" }, now, step && ` The lines of the grid are ${step} m apart.`),
+      field("From", choice(ways, way, (value) => { way = value; app.render(); }, { id: "way" })),
       WAYS_TO[way](app),
     ];
   },

@@ -5,6 +5,8 @@ mod board_checks;
 mod board_rig;
 mod board_rig_report;
 mod fit;
+#[cfg(feature = "studio")]
+pub(super) mod held;
 mod images;
 mod model;
 mod mount;
@@ -16,8 +18,8 @@ mod points;
 mod pose;
 mod print;
 mod report;
-mod rig;
-mod time;
+pub(super) mod rig;
+pub(super) mod time;
 mod trial;
 
 use anyhow::Result;

@@ -58,37 +58,44 @@ impl ModelOptions {
             let camera = read_camera(path, None, remedy)?.camera;
             let name = camera.kind();
             let start = CalibrationStart::Near(camera);
-            return Ok(vec![self.model(name, start)]);
+            return Ok(vec![Model {
+                name,
+                start,
+                outlier_sigmas: self.outliers,
+            }]);
         }
-        let mut kinds: Vec<ModelKind> = Vec::new();
-        for name in &self.model {
-            let named = match &**name {
-                "all" if self.model.len() > 1 => {
-                    return Err(user_error!(
-                        "--model {}: all includes every model; give either all or names",
-                        self.model.join(",")
-                    ));
-                }
-                "all" => ModelKind::ALL.to_vec(),
-                name => vec![ModelKind::from_name(name).ok_or_else(|| unknown_model(name))?],
-            };
-            for kind in named {
-                if !kinds.contains(&kind) {
-                    kinds.push(kind);
-                }
+        named(&self.model, self.outliers)
+    }
+}
+
+/// Returns the models of these names without repetition, from unknown parameters.
+///
+/// Fails if a name is unknown.
+pub(super) fn named(names: &[String], outlier_sigmas: f64) -> Result<Vec<Model>> {
+    let mut kinds: Vec<ModelKind> = Vec::new();
+    for name in names {
+        let of_name = match &**name {
+            "all" if names.len() > 1 => {
+                return Err(user_error!(
+                    "--model {}: all includes every model; give either all or names",
+                    names.join(",")
+                ));
+            }
+            "all" => ModelKind::ALL.to_vec(),
+            name => vec![ModelKind::from_name(name).ok_or_else(|| unknown_model(name))?],
+        };
+        for kind in of_name {
+            if !kinds.contains(&kind) {
+                kinds.push(kind);
             }
         }
-        let of_kind = |kind: ModelKind| self.model(kind.name(), CalibrationStart::Model(kind));
-        Ok(kinds.into_iter().map(of_kind).collect())
     }
-
-    fn model(&self, name: &'static str, start: CalibrationStart) -> Model {
-        Model {
-            name,
-            start,
-            outlier_sigmas: self.outliers,
-        }
-    }
+    let model = |kind: ModelKind| Model {
+        name: kind.name(),
+        start: CalibrationStart::Model(kind),
+        outlier_sigmas,
+    };
+    Ok(kinds.into_iter().map(model).collect())
 }
 
 fn unknown_model(name: &str) -> anyhow::Error {

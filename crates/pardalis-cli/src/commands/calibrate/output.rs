@@ -94,7 +94,7 @@ pub(super) fn print_written(written: &[PathBuf]) {
 }
 
 /// Returns the camera of a fit. With a single view, the target's frame is the world frame.
-fn camera_of(report: &Report, fit: &Calibration) -> CalibratedCamera {
+pub(super) fn camera_of(report: &Report, fit: &Calibration) -> CalibratedCamera {
     let world_from_camera = match fit.views.as_slice() {
         [view] => Some(view.camera_from_target.inverse()),
         _ => None,

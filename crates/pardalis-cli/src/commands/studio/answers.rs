@@ -6,7 +6,9 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
+use super::board::{BoardOf, ModelOf};
 use super::pose::{KnownPoints, OfCamera, OnFloor};
+use super::rig::{RigOf, RigStop};
 use super::session::Session;
 use super::steps::{Calibrated, Guessed, Label, NewTarget, Radius};
 use crate::commands::devices;
@@ -151,6 +153,45 @@ impl Session {
             "save" => {
                 read::<Nothing>(value)?;
                 self.inner().project.save()?;
+            }
+            _ => return self.answered_while_calibrating(request, value),
+        }
+        Ok(self.tell())
+    }
+
+    /// Answers the requests of calibrations that take a while.
+    fn answered_while_calibrating(&self, request: &str, value: Value) -> Result<Value> {
+        match request {
+            "look_for_board" => {
+                self.look_for_board(&read::<BoardOf>(value)?)?;
+                return Ok(json!({}));
+            }
+            "leave_board" => {
+                read::<Nothing>(value)?;
+                self.leave_board();
+                return Ok(json!({}));
+            }
+            "forget_board" => {
+                read::<Nothing>(value)?;
+                self.forget_board();
+                return Ok(json!({}));
+            }
+            "fit_board" => {
+                self.fit_board(&read::<ModelOf>(value)?)?;
+                return Ok(json!({}));
+            }
+            "use_board" => {
+                read::<Nothing>(value)?;
+                self.use_board()?;
+            }
+            "wave" => self.wave(read::<RigOf>(value)?)?,
+            "stop_waving" => {
+                self.stop_waving(&read::<RigStop>(value)?);
+                return Ok(json!({}));
+            }
+            "use_rig" => {
+                read::<Nothing>(value)?;
+                self.use_rig()?;
             }
             _ => return Err(user_error!("{request}: is no request of this page")),
         }

@@ -3,6 +3,10 @@
 #[cfg(feature = "studio")]
 mod answers;
 #[cfg(feature = "studio")]
+mod board;
+#[cfg(feature = "studio")]
+mod collected;
+#[cfg(feature = "studio")]
 mod edits;
 #[cfg(feature = "studio")]
 mod places;
@@ -15,6 +19,8 @@ mod program;
 #[cfg(feature = "studio")]
 mod project;
 #[cfg(feature = "studio")]
+mod rig;
+#[cfg(feature = "studio")]
 mod running;
 #[cfg(feature = "studio")]
 mod runs;
@@ -24,6 +30,8 @@ mod session;
 mod state;
 #[cfg(feature = "studio")]
 mod steps;
+#[cfg(feature = "studio")]
+mod waved;
 
 use std::net::IpAddr;
 use std::path::PathBuf;

@@ -125,6 +125,11 @@ impl Player {
         self.shared.seen().size_px
     }
 
+    /// Returns the number of frames of a recording, once it is known.
+    pub(super) fn frame_count(&self) -> Option<usize> {
+        self.shared.seen().frame_count
+    }
+
     /// Returns the frame that is shown, with its number.
     pub(super) fn shown(&self) -> Option<(usize, Frame)> {
         self.shared.seen().shown.clone()

@@ -12,7 +12,7 @@ use toml_edit::Array;
 
 use super::edits::with_value;
 use super::session::{Inner, Session};
-use crate::board::parse_with;
+use crate::board::parse_words;
 use crate::draw::picture::picture_of;
 use crate::user_error::user_error;
 
@@ -52,17 +52,24 @@ pub(super) struct OnFloor {
     board: String,
 }
 
+impl KnownPoints {
+    pub(super) fn camera(&self) -> &str {
+        &self.camera
+    }
+
+    pub(super) fn correspondences(&self) -> Vec<Correspondence> {
+        let points = self.points.iter().map(|point| Correspondence {
+            point_m: point.world_m,
+            pixel: point.at_px,
+        });
+        points.collect()
+    }
+}
+
 impl Session {
     /// Sets the pose of a camera from points in the room. Returns how far they are from where the camera shows them then.
     pub(super) fn set_pose(&self, known: &KnownPoints) -> Result<Value> {
-        let points: Vec<Correspondence> = known
-            .points
-            .iter()
-            .map(|point| Correspondence {
-                point_m: point.world_m,
-                pixel: point.at_px,
-            })
-            .collect();
+        let points = known.correspondences();
         let (lens, size_px) = self.inner().lens_of(&known.camera)?;
         let fit = fit_pose(&lens, size_px, &points, OUTLIER_SIGMAS)
             .map_err(|refusal| user_error!("cameras.{}: {refusal}", known.camera))?;
@@ -72,13 +79,7 @@ impl Session {
 
     /// Sets the pose of a camera from a board that lies on the floor, whose corner is the origin of the room.
     pub(super) fn set_pose_of_board(&self, on_floor: &OnFloor) -> Result<Value> {
-        // Files are named only below the folders of the command line.
-        let no_file = |_: &std::path::Path| {
-            Err(user_error!(
-                "describe the board in words, such as checkerboard:9x6:0.025"
-            ))
-        };
-        let board = parse_with(&on_floor.board, no_file)?;
+        let board = parse_words(&on_floor.board)?;
         let name = &on_floor.camera;
         let (lens, size_px) = self.inner().lens_of(name)?;
         let (_, frame) = self.inner().shown(name)?;

@@ -1,6 +1,7 @@
 //! The project: the text of a scene, which is all of its state, with the texts before and after it.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -8,7 +9,7 @@ use anyhow::Result;
 
 use crate::commands::init::text::HEAD;
 use crate::commands::learn::samples::Sample;
-use crate::files::write_file;
+use crate::files::{unwritable, write_file};
 use crate::output::Shown;
 use crate::scene::read_scene_text;
 use crate::user_error::user_error;
@@ -23,8 +24,8 @@ pub(super) struct State {
     pub(super) text: Arc<str>,
     /// The frames in which each target is labelled, by its name.
     pub(super) samples: BTreeMap<String, Vec<Sample>>,
-    /// The colour models that were learnt here, by their files.
-    pub(super) colors: BTreeMap<PathBuf, Arc<str>>,
+    /// The texts of files that were made here: colour models and calibrations.
+    pub(super) files: BTreeMap<PathBuf, Arc<str>>,
     /// What the edit that led here did.
     pub(super) what: String,
 }
@@ -110,7 +111,7 @@ impl Project {
 
     /// Goes to another state. What was undone before is lost.
     pub(super) fn edit(&mut self, state: State) -> Result<()> {
-        self.write_colors(&state)?;
+        self.write_files(&state)?;
         self.before.push(std::mem::replace(&mut self.now, state));
         if self.before.len() > MAX_STATES {
             self.before.remove(0);
@@ -124,7 +125,7 @@ impl Project {
         let Some(state) = self.before.pop() else {
             return Err(user_error!("there is nothing to undo"));
         };
-        self.write_colors(&state)?;
+        self.write_files(&state)?;
         self.after.push(std::mem::replace(&mut self.now, state));
         Ok(())
     }
@@ -134,7 +135,7 @@ impl Project {
         let Some(state) = self.after.pop() else {
             return Err(user_error!("there is nothing to do again"));
         };
-        self.write_colors(&state)?;
+        self.write_files(&state)?;
         self.before.push(std::mem::replace(&mut self.now, state));
         Ok(())
     }
@@ -157,11 +158,18 @@ impl Project {
         Ok(())
     }
 
-    /// Writes the colour models of a state that differ from those of the present one.
-    fn write_colors(&self, state: &State) -> Result<()> {
-        for (path, text) in &state.colors {
-            if self.now.colors.get(path) != Some(text) {
+    /// Writes the files of a state that differ from those of the present one, and removes those that it does not have, unless something else has changed
+    /// them.
+    fn write_files(&self, state: &State) -> Result<()> {
+        for (path, text) in &state.files {
+            if self.now.files.get(path) != Some(text) {
                 write_file(path, text.as_bytes())?;
+            }
+        }
+        let gone = |(path, _): &(&PathBuf, &Arc<str>)| !state.files.contains_key(*path);
+        for (path, text) in self.now.files.iter().filter(gone) {
+            if fs::read(path).is_ok_and(|bytes| bytes == text.as_bytes()) {
+                fs::remove_file(path).map_err(|error| unwritable(path, error))?;
             }
         }
         Ok(())
@@ -177,7 +185,7 @@ mod tests {
         state.text = text.into();
         state.what = format!("to {text}");
         let file = project.folder().join("ball.colors.toml");
-        state.colors.insert(file, colors.into());
+        state.files.insert(file, colors.into());
         project.edit(state).unwrap();
     }
 
@@ -203,6 +211,12 @@ mod tests {
         project.undo().unwrap();
         project.undo().unwrap();
         assert_eq!(&*project.now().text, HEAD);
+        assert!(!folder.path().join("ball.colors.toml").exists());
+        // What something else has changed is kept.
+        project.redo().unwrap();
+        std::fs::write(folder.path().join("ball.colors.toml"), "mine").unwrap();
+        project.undo().unwrap();
+        assert_eq!(&*colors(), "mine");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::running::Running;
 use super::session::Session;
+use super::waved::Waved;
 use crate::scene;
 use crate::tracking::Watch;
 use crate::user_error::user_error;
@@ -17,6 +18,11 @@ impl Session {
         let mut inner = self.inner();
         if inner.running.as_ref().is_some_and(Running::goes_on) {
             return Err(user_error!("a run goes on; stop it first"));
+        }
+        if inner.waved.as_ref().is_some_and(Waved::goes_on) {
+            return Err(user_error!(
+                "the cameras are being calibrated; wait, or stop that in the step Pose"
+            ));
         }
         let path = inner.project.path().to_owned();
         let text = Arc::clone(&inner.project.now().text);

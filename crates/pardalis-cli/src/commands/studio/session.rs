@@ -7,10 +7,12 @@ use anyhow::Result;
 use pardalis_studio::{Feed, Lines};
 use serde_json::Value;
 
+use super::collected::Held;
 use super::places::Places;
 use super::player::Player;
 use super::project::{Project, State};
 use super::running::Running;
+use super::waved::Waved;
 use crate::commands::learn::samples::Learnt;
 use crate::scene::{self, Parts};
 use crate::user_error::user_error;
@@ -34,6 +36,10 @@ pub(super) struct Inner {
     /// The colours that were learnt from the present samples of targets, by their names.
     pub(super) learnt: BTreeMap<String, Learnt>,
     pub(super) running: Option<Running>,
+    /// A board that is held up to a camera.
+    pub(super) held: Option<Held>,
+    /// Cameras that are calibrated with a ball.
+    pub(super) waved: Option<Waved>,
 }
 
 impl Session {
@@ -48,6 +54,8 @@ impl Session {
                 players: BTreeMap::new(),
                 learnt: BTreeMap::new(),
                 running: None,
+                held: None,
+                waved: None,
             }),
         })
     }
@@ -98,7 +106,8 @@ impl Session {
     /// Shows the pictures of the cameras that the scene has.
     pub(super) fn follow(&self) {
         let mut inner = self.inner();
-        let is_running = inner.running.as_ref().is_some_and(Running::goes_on);
+        let is_running = inner.running.as_ref().is_some_and(Running::goes_on)
+            || inner.waved.as_ref().is_some_and(Waved::goes_on);
         let parts = inner.parts();
         let folder = inner.project.folder().to_owned();
         let mut wanted = BTreeMap::new();

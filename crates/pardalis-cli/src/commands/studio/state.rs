@@ -59,11 +59,21 @@ impl Inner {
         let now = self.project.now();
         let guessed = guesses(&now.text);
         let written = |problem: &Problem, is_warning: bool| {
+            // The page finds it.
+            let is_missing_pose = parts.scene.cameras.iter().any(|camera| {
+                !camera.has_pose
+                    && problem.key == format!("cameras.{}.world_from_camera", camera.name)
+            });
+            let message = if is_missing_pose && problem.message.starts_with("is missing") {
+                "is missing; choose above how to find it"
+            } else {
+                &problem.message
+            };
             json!({
                 "step": Step::of(&problem.key).name(),
                 "key": problem.key,
                 "line": problem.line,
-                "message": problem.message,
+                "message": message,
                 "is_warning": is_warning,
             })
         };
@@ -82,6 +92,7 @@ impl Inner {
             "guesses": guessed.iter().map(|key| json!({ "key": key, "step": Step::of(key).name() })).collect::<Vec<_>>(),
             "cameras": parts.scene.cameras.iter().map(|camera| self.camera(camera)).collect::<Vec<_>>(),
             "targets": parts.scene.targets.iter().map(|target| self.target(target)).collect::<Vec<_>>(),
+            "can_use_rig": self.waved.as_ref().is_some_and(|waved| waved.is_of(&now.text)),
             "run": self.running.as_ref().map(super::running::Running::about),
         })
     }
@@ -110,6 +121,7 @@ impl Inner {
             "calibration": calibration,
             "fov_deg": fov_deg,
             "position_m": camera.position_m(),
+            "has_pose": camera.has_pose,
         })
     }
 

@@ -288,14 +288,14 @@ impl Session {
             if !samples.is_empty() {
                 let learnt = learn_samples(samples)?;
                 // A model that was not learnt here stays as it is.
-                let is_own = state.colors.contains_key(&file) || !file.exists();
+                let is_own = state.files.contains_key(&file) || !file.exists();
                 if !is_own {
                     return Err(user_error!(
                         "{}: holds colours that were learnt before; remove the target and add it again under another name to learn new ones",
                         file.shown()
                     ));
                 }
-                state.colors.insert(file, learnt.model.to_text().into());
+                state.files.insert(file, learnt.model.to_text().into());
             }
             Ok(())
         })
@@ -340,7 +340,7 @@ impl Inner {
     }
 
     /// Describes the images of a camera for `init`'s guesses.
-    fn opened(&self, camera: &str) -> Result<Opened> {
+    pub(super) fn opened(&self, camera: &str) -> Result<Opened> {
         let size = self.player(camera)?.size_px().ok_or_else(|| {
             user_error!("cameras.{camera}: has no picture yet; wait for it, or see the problems of the step Sources")
         })?;

@@ -1,6 +1,6 @@
 //! Where the world of a calibrated rig is: as in the scene, by known points, by places of the ball, or by a board.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use nalgebra::Point3;
@@ -34,6 +34,19 @@ pub(super) struct Ball {
     pub(super) tolerance: f64,
 }
 
+/// What says where the world is.
+pub(in crate::commands) enum Known {
+    /// The poses in the scene, if there are any.
+    Scene,
+    /// Points or places in a table.
+    File(PathBuf),
+    /// Points that cameras see, by their names.
+    #[cfg(feature = "studio")]
+    Points(Vec<(String, Vec<Correspondence>)>),
+    /// A board at rest in view.
+    Board(Board),
+}
+
 /// How the world frame is defined.
 pub(super) enum Alignment {
     /// What the scene says.
@@ -54,11 +67,26 @@ pub(super) struct World {
 }
 
 impl Alignment {
-    /// Reads known points, if there are any.
-    pub(super) fn read(points: Option<&Path>, scene: &Scene) -> Result<Self> {
-        let Some(path) = points else {
-            return Ok(Self::Scene);
-        };
+    /// Returns what is known before the cameras are open.
+    pub(super) fn known(known: &Known, scene: &Scene) -> Result<Self> {
+        match known {
+            Known::Scene | Known::Board(_) => Ok(Self::Scene),
+            Known::File(path) => Self::read(path, scene),
+            #[cfg(feature = "studio")]
+            Known::Points(all) => {
+                let of = |name: &String| all.iter().find(|(camera, _)| camera == name);
+                let names = scene.cameras.iter().map(|camera| &camera.name);
+                let points = names.map(|name| of(name).map_or(Vec::new(), |(_, p)| p.clone()));
+                Ok(Self::Points(
+                    "the known points".to_owned(),
+                    points.collect(),
+                ))
+            }
+        }
+    }
+
+    /// Reads known points.
+    fn read(path: &Path, scene: &Scene) -> Result<Self> {
         let table = Table::read(path)?;
         if table.optional_column("time_s").is_some() {
             let columns = table.columns(["time_s", "x_m", "y_m", "z_m"])?;
@@ -114,7 +142,7 @@ impl Alignment {
         }
         if points.iter().all(Vec::is_empty) {
             return Err(user_error!(
-                "--board: no camera shows the board in its first {BOARD_FRAMES} images ({last}); lay it where one of them sees it wholly before the recording begins, or check its description"
+                "no camera shows the board in its first {BOARD_FRAMES} images ({last}); lay it where one of them sees it wholly before the recording begins, or check its description (--board)"
             ));
         }
         Ok(Self::Points("the board".to_owned(), points))
@@ -200,7 +228,7 @@ fn world_of_scene(scene: &Scene, found: &BallRigCalibration) -> World {
         return World {
             aligned: rigid(Pose::identity(), None),
             because: format!(
-                "the frame of {name} is the world (x right, y down, z forward), because nothing says where else it is: give {name} a pose, or use --points or --board"
+                "the frame of {name} is the world (x right, y down, z forward), because nothing says where else it is: give {name} a pose, known points (--points) or a board (--board)"
             ),
             doubt: None,
         };

@@ -1,30 +1,26 @@
 //! `pardalis calibrate rig`: poses and time offsets of the cameras of a scene, from a ball that is waved through the room.
 
 mod align;
+mod calibrated;
 mod report;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::shape::Shape;
-use pardalis::tracker::{DetectedSettings, Region, SizeTolerance};
-use pardalis_calibrate::{BallRigCalibration, BallRigSettings, TimedCamera, calibrate_ball_rig};
-use pardalis_camera::{CalibratedCamera, Camera};
-use pardalis_filter::motion::ConstantVelocity;
-use pardalis_scene::{BodyConfig, CameraSetting, Scene, calibration, with_camera_settings};
+use pardalis_calibrate::BallRigSettings;
 
 use super::output;
-use super::time::detect::{detect, settings};
-use super::time::{check_folder, parse_offset, target};
+use super::time::detect::Until;
+use super::time::{check_folder, parse_offset};
+use crate::arguments::parse_duration_s;
 use crate::board::parse_board;
 use crate::commands::init::shown_path;
 use crate::files::write_file;
 use crate::output::{Shown, print};
-use crate::scene::{self, OpenScene};
-use crate::scene_files::read_text;
+use crate::scene;
 use crate::user_error::user_error;
-use align::{Alignment, Ball};
-use report::Report;
+pub(in crate::commands) use align::Known;
+pub(in crate::commands) use calibrated::{CalibratedRig, Task};
 
 /// Calibrates the poses and clocks of several cameras with a ball that is waved through the room
 ///
@@ -40,6 +36,7 @@ use report::Report;
   pardalis calibrate rig scene.toml --corrected corrected.toml
   pardalis calibrate rig scene.toml --points floor.csv --corrected corrected.toml   the world is that of known points
   pardalis calibrate rig scene.toml --board checkerboard:9x6:0.025                  the world is that of a board on the floor
+  pardalis calibrate rig live.toml --duration 30 --corrected live.toml               live cameras: wave the ball for half a minute
   pardalis track corrected.toml
 
 Known points that cameras see; the view is the camera's name. Four in a plane that one camera sees are enough, such as the corners of a rectangle:
@@ -66,8 +63,11 @@ pub(crate) struct Arguments {
     #[arg(long)]
     refine_focal: bool,
     /// Largest offset between two clocks to search for in either direction, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = parse_offset)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = parse_offset, allow_negative_numbers = true)]
     max_offset_s: f64,
+    /// How long live cameras are watched
+    #[arg(long = "duration", value_name = "SECONDS", value_parser = parse_duration_s, allow_negative_numbers = true)]
+    duration_s: Option<f64>,
     /// Also writes the scene with poses and offsets to this file, which must be in the scene's folder and may be the scene
     /// itself
     #[arg(long, value_name = "SCENE.toml")]
@@ -83,43 +83,34 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(corrected) = &arguments.corrected {
         check_folder(path, corrected)?;
     }
-    let board = arguments.board.as_deref().map(parse_board).transpose()?;
-    let read = scene::read_without_poses(path)?;
-    check_cameras(path, &read)?;
-    let number = target(path, &read, arguments.target.as_deref())?;
-    let ball = ball(path, &read, number)?;
-    let alignment = Alignment::read(arguments.points.as_deref(), &read)?;
-    let mut open = scene::open(path, read, None, &[])?;
-    let alignment = match board {
-        Some(board) => Alignment::on_board(&mut open.sources, &board)?,
-        None => alignment,
+    let known = match (&arguments.points, &arguments.board) {
+        (Some(points), _) => Known::File(points.clone()),
+        (None, Some(board)) => Known::Board(parse_board(board)?),
+        (None, None) => Known::Scene,
     };
-    let body = &open.scene.targets[number].bodies[0];
-    let detector = ball_settings(body, scene::colors(path, body)?);
-    let views = open.tracker.views();
-    let frames = detect(&mut open.sources, views, &body.shape, &detector)?;
-    let configs = open.scene.cameras.iter().zip(views).zip(frames);
-    let cameras: Vec<TimedCamera> = configs
-        .map(|((config, view), frames)| TimedCamera {
-            name: &config.name,
-            view,
-            frames,
-        })
-        .collect();
     let mut settings = BallRigSettings::default();
     settings.max_offset_s = arguments.max_offset_s;
     settings.refine_focal = arguments.refine_focal;
-    let found = calibrate_ball_rig(&cameras, &settings)
-        .map_err(|refusal| user_error!("{}: {refusal}", path.shown()))?;
-    let world = alignment.world(&open.scene, &found, &ball)?;
-    let report = Report::new(&open.scene, &cameras, &found, &world, &ball);
+    let task = Task {
+        path,
+        text: &scene::read_scene_text(path)?,
+        target: arguments.target.as_deref(),
+        known,
+        settings,
+        until: Until {
+            duration_s: arguments.duration_s,
+            ..Until::default()
+        },
+    };
+    let calibrated = CalibratedRig::of(&task, &|_, _, _| ())?;
+    let report = calibrated.report();
 
     let folder = output::folder(arguments.output.as_deref(), path, "rig");
     output::make_folder(&folder)?;
     let rig = folder.join("rig.toml");
     let mut written = Vec::new();
     for (file, text) in [
-        (rig.clone(), calibration::write_toml(&report.calibrated())),
+        (rig.clone(), calibrated.rig_text()),
         (folder.join("cameras.csv"), report.table()?),
         (folder.join("detections.csv"), report.detections()?),
         (folder.join("path.csv"), report.path()?),
@@ -130,7 +121,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     print(&report);
     if let Some(corrected) = &arguments.corrected {
-        let text = corrected_scene(path, corrected, &rig, &open, &report.calibrated(), &found)?;
+        let text = calibrated.corrected(path, task.text, &shown_path(&rig, corrected));
+        let text = text.ok_or_else(|| {
+            user_error!(
+                "{}: the layout of the file does not allow inserting poses and offsets; the results are in {}: give it as `calibration` of each camera, in place of model and pose",
+                path.shown(),
+                rig.shown()
+            )
+        })?;
         write_file(corrected, text.as_bytes())?;
         written.push(corrected.clone());
     } else {
@@ -138,130 +136,4 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     output::print_written(&written);
     Ok(())
-}
-
-/// Requires two or more cameras with lenses, at rest.
-fn check_cameras(path: &Path, scene: &Scene) -> Result<()> {
-    for camera in &scene.cameras {
-        let (key, what) = if camera.platform.is_some() {
-            (
-                "platform",
-                "the camera moves, and the cameras of a rig are at rest; `calibrate mount` finds where it is on its platform",
-            )
-        } else if matches!(camera.camera, Camera::Plane(_)) {
-            (
-                "model",
-                "is that of a plane, which has no lens; give the model of a lens, such as from `calibrate board`",
-            )
-        } else {
-            continue;
-        };
-        return Err(user_error!(
-            "{}: cameras.{}.{key}: {what}",
-            path.shown(),
-            camera.name
-        ));
-    }
-    if scene.cameras.len() < 2 {
-        return Err(user_error!(
-            "{}: has one camera, and a rig has two or more; add the others",
-            path.shown()
-        ));
-    }
-    Ok(())
-}
-
-/// Returns the ball. Its radius must be known, because it gives the scale.
-fn ball(path: &Path, scene: &Scene, number: usize) -> Result<Ball> {
-    let target = &scene.targets[number];
-    let refused = |what: &str| {
-        Err(user_error!(
-            "{}: targets.{}: {what}",
-            path.shown(),
-            target.name
-        ))
-    };
-    match &target.bodies[..] {
-        [body] => match &body.shape {
-            Shape::Sphere(ball) => match body.size {
-                SizeTolerance::Share(tolerance) => Ok(Ball {
-                    radius_m: ball.radius_m,
-                    tolerance,
-                }),
-                _ => refused(
-                    "the radius of the ball is unknown, and all lengths are proportional to it; measure the ball, and give radius_m",
-                ),
-            },
-            _ => refused(
-                "is no ball, and a rig is calibrated with a ball; define a target with shape.sphere and choose it with --target NAME",
-            ),
-        },
-        _ => refused(
-            "has several landmarks, and a rig is calibrated with a ball; define a target of one body and choose it with --target NAME",
-        ),
-    }
-}
-
-/// Returns the settings for detecting the ball with a single camera whose pose is unknown: the ball may be anywhere.
-fn ball_settings(body: &BodyConfig, colors: pardalis::color::ColorModel) -> DetectedSettings {
-    let mut settings = settings(body, &colors);
-    settings.motion = ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into();
-    settings.existence.region = Region::default();
-    settings.start = None;
-    settings
-}
-
-/// Returns the scene's text with the poses and offsets that were found. Cameras whose focal length was refined have their lens from
-/// the rig's file, or in their model.
-fn corrected_scene(
-    path: &Path,
-    corrected: &Path,
-    rig: &Path,
-    open: &OpenScene,
-    calibrated: &[CalibratedCamera],
-    found: &BallRigCalibration,
-) -> Result<String> {
-    let text = read_text(path)?;
-    let given = text.parse::<toml::Table>().unwrap_or_default();
-    let mut settings = Vec::new();
-    let configs = open
-        .scene
-        .cameras
-        .iter()
-        .zip(calibrated)
-        .zip(&found.cameras);
-    for ((config, camera), of) in configs {
-        let mut set = |key, value| {
-            settings.push(CameraSetting {
-                camera: &config.name,
-                key,
-                value,
-            });
-        };
-        set("world_from_camera", report::pose_value(camera));
-        set(
-            "time_offset_s",
-            report::corrected_offset_s(config, of).into(),
-        );
-        if of.focal.is_some_and(|focal| focal.is_refined) {
-            let table = given.get("cameras").and_then(|all| all.get(&config.name));
-            if table.is_some_and(|table| table.get("calibration").is_some()) {
-                set("calibration", shown_path(rig, corrected).into());
-                if table.is_some_and(|table| table.get("calibration_camera").is_some()) {
-                    set("calibration_camera", config.name.clone().into());
-                }
-            } else {
-                for (key, value) in report::focal_values(&camera.camera) {
-                    set(key, value);
-                }
-            }
-        }
-    }
-    with_camera_settings(&text, &settings).ok_or_else(|| {
-        user_error!(
-            "{}: the layout of the file does not allow inserting poses and offsets; the results are in {}: give it as `calibration` of each camera, in place of model and pose",
-            path.shown(),
-            rig.shown()
-        )
-    })
 }

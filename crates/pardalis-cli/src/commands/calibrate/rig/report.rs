@@ -4,9 +4,7 @@ use std::fmt::{self, Write as _};
 
 use anyhow::Result;
 use nalgebra::Point3;
-use pardalis_calibrate::{
-    BallRigCalibration, BallRigCamera, BallSighting, RigAlignment, TimedCamera,
-};
+use pardalis_calibrate::{BallRigCalibration, BallRigCamera, BallSighting, RigAlignment};
 use pardalis_camera::{CalibratedCamera, Camera, Pose};
 use pardalis_scene::{CameraConfig, Scene};
 
@@ -30,7 +28,7 @@ const FOCAL_OFF: f64 = 0.005;
 const SCALE_OFF: f64 = 0.02;
 
 /// Report of the calibration of a rig.
-pub(super) struct Report<'a> {
+pub(in crate::commands) struct Report<'a> {
     cameras: Vec<Row<'a>>,
     found: &'a BallRigCalibration,
     world: &'a World,
@@ -100,25 +98,24 @@ pub(super) fn focal_values(camera: &Camera) -> Vec<(&'static str, toml::Value)> 
 }
 
 impl<'a> Report<'a> {
-    /// Creates a report on the scene's cameras, in their order.
+    /// Creates a report on the scene's cameras, in their order: the size of their images in pixels, and the number of their frames.
     pub(super) fn new(
         scene: &'a Scene,
-        cameras: &[TimedCamera],
+        seen: &[((usize, usize), usize)],
         found: &'a BallRigCalibration,
         world: &'a World,
         ball: &'a Ball,
     ) -> Self {
-        let all = scene.cameras.iter().zip(cameras).zip(&found.cameras);
-        let row =
-            |((config, camera), of): ((&'a CameraConfig, &TimedCamera), &'a BallRigCamera)| Row {
-                config,
-                size_px: camera.view.size(),
-                frames: camera.frames.len(),
-                of,
-                world_from_camera: world.aligned.in_world(&of.world_from_camera),
-            };
+        let all = scene.cameras.iter().zip(seen).zip(&found.cameras);
+        let rows = all.map(|((config, &(size_px, frames)), of)| Row {
+            config,
+            size_px,
+            frames,
+            of,
+            world_from_camera: world.aligned.in_world(&of.world_from_camera),
+        });
         Self {
-            cameras: all.map(row).collect(),
+            cameras: rows.collect(),
             found,
             world,
             ball,
@@ -162,7 +159,7 @@ impl<'a> Report<'a> {
     }
 
     /// Returns one row per camera.
-    fn rows(&self) -> Vec<Vec<String>> {
+    pub(in crate::commands) fn rows(&self) -> Vec<Vec<String>> {
         let head = [
             "camera",
             "frames",
@@ -210,7 +207,7 @@ impl<'a> Report<'a> {
     }
 
     /// Returns statements on what the figures are relative to.
-    fn notes(&self) -> Vec<String> {
+    pub(in crate::commands) fn notes(&self) -> Vec<String> {
         let first = &self.cameras[0].config.name;
         let widths_m = self.found.widths_m;
         // Without digits of rounding.
@@ -239,7 +236,7 @@ impl<'a> Report<'a> {
     }
 
     /// Returns warnings on a successful calibration.
-    fn warnings(&self) -> Vec<String> {
+    pub(in crate::commands) fn warnings(&self) -> Vec<String> {
         let mut warnings: Vec<String> = self.world.doubt.clone().into_iter().collect();
         for row in &self.cameras {
             let (name, of) = (&row.config.name, row.of);
@@ -260,7 +257,7 @@ impl<'a> Report<'a> {
                 let off = focal.factor - 1.0;
                 if off.abs() > FOCAL_OFF.max(REAL_SIGMAS * focal.sigma) {
                     warnings.push(format!(
-                        "{name}: its focal length seems to be {:.4} ± {:.4} times that of the scene: calibrate its lens, or give --refine-focal",
+                        "{name}: its focal length seems to be {:.4} ± {:.4} times that of the scene: calibrate its lens, or refine the focal lengths (--refine-focal)",
                         focal.factor, focal.sigma
                     ));
                 }

@@ -1,6 +1,6 @@
 //! `pardalis calibrate time`: time offsets between the cameras of a scene, from a moving target.
 
-pub(super) mod detect;
+pub(in crate::commands) mod detect;
 mod report;
 
 use std::path::{Path, PathBuf};
@@ -10,12 +10,13 @@ use pardalis_calibrate::{MAX_TIME_OFFSET_S, TimedCamera, calibrate_time};
 use pardalis_scene::{Scene, TargetConfig, with_camera_settings};
 
 use super::output;
+use crate::arguments::parse_duration_s;
 use crate::files::write_file;
 use crate::output::{Shown, print};
 use crate::scene;
 use crate::scene_files::read_text;
 use crate::user_error::user_error;
-use detect::{detect, settings};
+use detect::{Until, detect, settings};
 use report::Report;
 
 /// Estimates the time offsets between the cameras of a scene from a moving target
@@ -35,8 +36,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NAME")]
     target: Option<String>,
     /// Largest offset to search for in either direction, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = parse_offset)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = parse_offset, allow_negative_numbers = true)]
     max_offset_s: f64,
+    /// How long live cameras are watched
+    #[arg(long = "duration", value_name = "SECONDS", value_parser = parse_duration_s, allow_negative_numbers = true)]
+    duration_s: Option<f64>,
     /// Also writes the scene with the estimated offsets to this file, which must be in the scene's folder and
     /// may be the scene itself
     #[arg(long, value_name = "SCENE.toml")]
@@ -72,7 +76,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let colors = scene::colors(path, body)?;
     let views = open.tracker.views();
     let detector = settings(body, &colors);
-    let frames = detect(&mut open.sources, views, &body.shape, &detector)?;
+    let frames = detect(
+        &mut open.sources,
+        views,
+        (&body.shape, &detector),
+        &Until {
+            duration_s: arguments.duration_s,
+            ..Until::default()
+        },
+        &|_, _, _| (),
+    )?;
     let cameras: Vec<TimedCamera> = open
         .scene
         .cameras

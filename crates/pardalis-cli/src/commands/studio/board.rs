@@ -1,0 +1,248 @@
+//! The lens of a camera from a board that somebody holds up to it: views are collected from the newest pictures, and calibrated as `calibrate board` does.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, Weak};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
+use pardalis::Frame;
+use pardalis_calibrate::board::detect;
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::collected::{Collected, GOOD_VIEWS, Held, LEAST_VIEWS, lock};
+use super::edits::with_lens;
+use super::session::Session;
+use crate::board::parse_words;
+use crate::commands::calibrate::held::calibrate;
+use crate::commands::init::text::{Calibration, CameraText};
+use crate::draw::picture::picture_of;
+use crate::files::write_file;
+use crate::interrupt::Stop;
+use crate::user_error::user_error;
+
+/// How often the thread looks for a new picture.
+const POLL: Duration = Duration::from_millis(10);
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BoardOf {
+    camera: String,
+    /// As on the command line, such as `checkerboard:9x6:0.025`.
+    board: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ModelOf {
+    /// The name of a model, or `all`.
+    model: String,
+}
+
+impl Session {
+    /// Begins to look for a board in the pictures of a camera.
+    pub(super) fn look_for_board(&self, of: &BoardOf) -> Result<()> {
+        let board = parse_words(&of.board)?;
+        let mut inner = self.inner();
+        inner.player(&of.camera)?;
+        // Views of the same board go on.
+        let before = inner.held.take().map(|held| Arc::clone(&held.shared));
+        let same = before.filter(|shared| {
+            let collected = lock(shared);
+            (&*collected.camera, &*collected.words) == (&of.camera, &of.board)
+                && collected.error.is_none()
+        });
+        let shared = same.unwrap_or_else(|| {
+            Arc::new(Mutex::new(Collected {
+                camera: of.camera.clone(),
+                words: of.board.clone(),
+                board,
+                collection: None,
+                frames: Vec::new(),
+                newest: None,
+                left_out: Vec::new(),
+                is_looking: true,
+                is_fitting: false,
+                fitted: None,
+                error: None,
+            }))
+        });
+        lock(&shared).is_looking = true;
+        let stop = Stop::default();
+        let thread = std::thread::Builder::new()
+            .name("board".to_owned())
+            .spawn({
+                let (session, shared, stop) =
+                    (Weak::clone(&self.me), Arc::clone(&shared), stop.clone());
+                move || look(&session, &shared, &stop)
+            })
+            .context("no further thread can be started")?;
+        inner.held = Some(Held {
+            shared,
+            stop,
+            thread: Some(thread),
+        });
+        drop(inner);
+        self.tell_board();
+        Ok(())
+    }
+
+    /// Ends to look for the board; the views remain.
+    pub(super) fn leave_board(&self) {
+        let held = self.inner().held.as_mut().map(|held| {
+            held.stop.request();
+            (Arc::clone(&held.shared), held.thread.take())
+        });
+        let Some((shared, thread)) = held else {
+            return;
+        };
+        if let Some(thread) = thread {
+            // A panic has been reported.
+            let _ = thread.join();
+        }
+        lock(&shared).is_looking = false;
+        self.tell_board();
+    }
+
+    /// Forgets the board and its views.
+    pub(super) fn forget_board(&self) {
+        self.leave_board();
+        self.inner().held = None;
+        self.feed.show("board", &Value::Null);
+    }
+
+    /// Calibrates the lens from the views so far.
+    pub(super) fn fit_board(&self, of: &ModelOf) -> Result<()> {
+        let shared = self.collected()?;
+        let (name, board, views, size_px) = {
+            let mut collected = lock(&shared);
+            let Some(collection) = &collected.collection else {
+                return Err(user_error!("no view of the board was taken yet"));
+            };
+            let views = collection.views().iter().cloned().zip(&collected.frames);
+            let views: Vec<_> = views
+                .map(|(corners, number)| (format!("frame {}", number + 1), corners))
+                .collect();
+            let size_px = collection.size_px();
+            if views.len() < LEAST_VIEWS {
+                return Err(user_error!(
+                    "{} views of the board are too few; show it in {LEAST_VIEWS} at least, better in {GOOD_VIEWS}",
+                    views.len()
+                ));
+            }
+            if collected.is_fitting {
+                return Err(user_error!("a calibration goes on; wait for it"));
+            }
+            collected.is_fitting = true;
+            (
+                collected.camera.clone(),
+                collected.board.clone(),
+                views,
+                size_px,
+            )
+        };
+        self.tell_board();
+        let fitted = calibrate(&name, &board, views, size_px, &of.model);
+        let mut collected = lock(&shared);
+        collected.is_fitting = false;
+        let done = fitted.map(|lens| collected.fitted = Some(lens));
+        drop(collected);
+        self.tell_board();
+        done
+    }
+
+    /// Writes the calibration beside the scene, and the lens into the scene.
+    pub(super) fn use_board(&self) -> Result<()> {
+        let shared = self.collected()?;
+        let collected = lock(&shared);
+        let lens = collected
+            .fitted
+            .as_ref()
+            .ok_or_else(|| user_error!("the lens is not calibrated yet; calibrate it first"))?;
+        let name = collected.camera.clone();
+        let (camera, text) = (lens.camera.clone(), lens.text.clone());
+        drop(collected);
+        let opened = self.inner().opened(&name)?;
+        let file = self.lens_file(&name);
+        let named = file.file_name().unwrap_or_default().to_string_lossy();
+        let calibration = Calibration {
+            file: named.clone().into_owned(),
+            camera: None,
+            lens: None,
+        };
+        let mut table = String::new();
+        CameraText::known(&camera, calibration, &opened, "", None)
+            .named(name.clone())
+            .text(&mut table);
+        // The scene is read with it before it is edited.
+        write_file(&file, text.as_bytes())?;
+        self.edit(
+            &format!("cameras.{name}"),
+            format!("{named} for {name}"),
+            |state| {
+                state.text = with_lens(&state.text, &name, &table)?.into();
+                state.files.insert(file.clone(), text.into());
+                Ok(())
+            },
+        )
+    }
+
+    /// Returns the file of the lens of a camera: one that was written here, or a new one.
+    fn lens_file(&self, name: &str) -> PathBuf {
+        let inner = self.inner();
+        let (folder, files) = (inner.project.folder(), &inner.project.now().files);
+        let numbered = (2..).map(|number| format!("{name}-{number}.lens.toml"));
+        let names = std::iter::once(format!("{name}.lens.toml")).chain(numbered);
+        let mut paths = names.map(|name| folder.join(name));
+        let free = paths.find(|path| files.contains_key(path) || !path.exists());
+        free.unwrap_or_else(|| folder.join(format!("{name}.lens.toml")))
+    }
+
+    fn collected(&self) -> Result<Arc<Mutex<Collected>>> {
+        let inner = self.inner();
+        let held = inner.held.as_ref();
+        held.map(|held| Arc::clone(&held.shared))
+            .ok_or_else(|| user_error!("no board is looked for; begin with it"))
+    }
+
+    fn tell_board(&self) {
+        if let Ok(shared) = self.collected() {
+            let about = lock(&shared).about();
+            self.feed.show("board", &about);
+        }
+    }
+}
+
+/// Looks for the board in the newest picture, again and again. The picture does not wait for this.
+fn look(session: &Weak<Session>, shared: &Mutex<Collected>, stop: &Stop) {
+    let (camera, board) = {
+        let collected = lock(shared);
+        (collected.camera.clone(), collected.board.clone())
+    };
+    let mut last = None;
+    while !stop.is_requested() && lock(shared).is_looking {
+        let Some(session) = session.upgrade() else {
+            return;
+        };
+        let newest = session
+            .inner()
+            .player(&camera)
+            .ok()
+            .and_then(super::player::Player::shown);
+        let key = |(number, frame): &(usize, Frame)| (*number, frame.time_s().to_bits());
+        let Some((number, frame)) = newest.filter(|newest| last != Some(key(newest))) else {
+            drop(session);
+            std::thread::sleep(POLL);
+            continue;
+        };
+        let found = detect(&board, &picture_of(&frame).to_grey());
+        let mut collected = lock(shared);
+        collected.see(number, &frame, found);
+        last = Some((number, frame.time_s().to_bits()));
+        let about = collected.about();
+        drop(collected);
+        if !stop.is_requested() {
+            session.feed.show("board", &about);
+        }
+    }
+}

@@ -1,0 +1,244 @@
+//! The views of a board that somebody holds up to a camera.
+
+use std::mem::discriminant;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+use pardalis::Frame;
+use pardalis_calibrate::board::{Board, BoardNotFound, Collection, Corner, NotAdded};
+use pardalis_calibrate::covered;
+use serde_json::{Value, json};
+
+use crate::commands::calibrate::held::HeldLens;
+use crate::interrupt::Stop;
+
+/// The least views for a calibration, and how many views, tilted views and what share of the image make a good one. Hand-set, as in
+/// docs/calibration.md.
+pub(super) const LEAST_VIEWS: usize = 3;
+pub(super) const GOOD_VIEWS: usize = 12;
+const GOOD_TILTED: usize = 5;
+const GOOD_SHARE: f64 = 0.5;
+/// With so many views, the rest of the image cannot be covered: that of a fisheye may be a circle.
+const MANY_VIEWS: usize = 20;
+
+/// Looks for the board in the pictures of a camera until it is dropped.
+pub(super) struct Held {
+    pub(super) shared: Arc<Mutex<Collected>>,
+    pub(super) stop: Stop,
+    pub(super) thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        self.stop.request();
+    }
+}
+
+/// What was seen of a board.
+pub(super) struct Collected {
+    pub(super) camera: String,
+    pub(super) words: String,
+    pub(super) board: Board,
+    /// `None` before the first picture.
+    pub(super) collection: Option<Collection>,
+    /// The numbers of the frames of its views.
+    pub(super) frames: Vec<usize>,
+    /// The newest frame that was searched, with the corners and why it was not added.
+    pub(super) newest: Option<(usize, Vec<Corner>, Option<Reason>)>,
+    pub(super) left_out: Vec<LeftOut>,
+    pub(super) is_looking: bool,
+    pub(super) is_fitting: bool,
+    pub(super) fitted: Option<HeldLens>,
+    pub(super) error: Option<String>,
+}
+
+/// Frames that were left out for one reason.
+pub(super) struct LeftOut {
+    reason: Reason,
+    count: usize,
+    last: usize,
+}
+
+#[derive(Debug, Clone)]
+pub(super) enum Reason {
+    NotFound(BoardNotFound),
+    NotAdded(NotAdded),
+}
+
+impl Reason {
+    fn is_like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::NotFound(a), Self::NotFound(b)) => discriminant(a) == discriminant(b),
+            (Self::NotAdded(a), Self::NotAdded(b)) => a == b,
+            _ => false,
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::NotFound(reason) => reason.to_string(),
+            Self::NotAdded(reason) => reason.to_string(),
+        }
+    }
+}
+
+impl Collected {
+    /// Looks for the board in a frame.
+    pub(super) fn see(
+        &mut self,
+        number: usize,
+        frame: &Frame,
+        found: Result<Vec<Corner>, BoardNotFound>,
+    ) {
+        let size_px = (frame.width(), frame.height());
+        let collection = self
+            .collection
+            .get_or_insert_with(|| Collection::new(size_px));
+        if collection.size_px() != size_px {
+            self.error = Some("the pictures have another size now; begin again".to_owned());
+            self.is_looking = false;
+            return;
+        }
+        let (corners, reason) = match found {
+            Err(reason) => (Vec::new(), Some(Reason::NotFound(reason))),
+            Ok(corners) => {
+                let added = collection.offer(frame.time_s(), &corners);
+                (corners, added.err().map(Reason::NotAdded))
+            }
+        };
+        match &reason {
+            None => self.frames.push(number),
+            // Nobody showed anything.
+            Some(Reason::NotFound(BoardNotFound::NotInView)) => {}
+            Some(reason) => {
+                let known = self.left_out.iter_mut();
+                let mut alike = known.filter(|known| known.reason.is_like(reason));
+                if let Some(known) = alike.next() {
+                    (known.reason, known.last) = (reason.clone(), number);
+                    known.count += 1;
+                } else {
+                    self.left_out.push(LeftOut {
+                        reason: reason.clone(),
+                        count: 1,
+                        last: number,
+                    });
+                }
+            }
+        }
+        self.newest = Some((number, corners, reason));
+    }
+
+    pub(super) fn views(&self) -> &[Vec<Corner>] {
+        self.collection.as_ref().map_or(&[], Collection::views)
+    }
+
+    /// Returns what the page shows.
+    pub(super) fn about(&self) -> Value {
+        let size_px = self.collection.as_ref().map(Collection::size_px);
+        let pixels = self.views().iter().flatten().map(|corner| corner.pixel);
+        let cells = covered(pixels, size_px.unwrap_or((1, 1)));
+        let all = cells.as_flattened();
+        let share = all.iter().filter(|cell| **cell).count() as f64 / all.len() as f64;
+        let tilted = self.collection.as_ref().map_or(0, Collection::tilted_count);
+        let advice = self.advice(&cells, share, tilted);
+        let newest = self.newest.as_ref().map(|(number, corners, reason)| {
+            let corners_px: Vec<_> = corners.iter().map(|corner| corner.pixel).collect();
+            let reason = reason.as_ref().map(Reason::text);
+            json!({ "frame": number, "corners_px": corners_px, "reason": reason })
+        });
+        let left_out = self.left_out.iter().map(|left| {
+            json!({ "reason": left.reason.text(), "count": left.count, "last_frame": left.last })
+        });
+        let fitted = self.fitted.as_ref().map(|lens| {
+            json!({
+                "model": lens.camera.camera.kind(),
+                "rms_px": lens.rms_px,
+                "held_out_rms_px": lens.held_out_rms_px,
+                "notes": lens.notes,
+                "warnings": lens.warnings,
+                "report": lens.report,
+            })
+        });
+        json!({
+            "camera": self.camera,
+            "board": self.words,
+            "is_looking": self.is_looking,
+            "is_fitting": self.is_fitting,
+            "newest": newest,
+            "frames": self.frames,
+            "cells": cells,
+            "share": share,
+            "tilted": tilted,
+            "can_fit": self.views().len() >= LEAST_VIEWS,
+            "is_enough": advice.is_none(),
+            "advice": advice,
+            "left_out": left_out.collect::<Vec<_>>(),
+            "fitted": fitted,
+            "error": self.error,
+        })
+    }
+
+    /// Returns what would help most; `None` if there are enough views.
+    fn advice(&self, cells: &[[bool; 10]; 10], share: f64, tilted: usize) -> Option<String> {
+        if self.views().is_empty() {
+            let what = "Hold the board still, so that the camera sees all of it, large and sharp.";
+            return Some(what.to_owned());
+        }
+        if share < GOOD_SHARE && self.views().len() < MANY_VIEWS {
+            return Some(format!("Move it to the {} of the image.", emptiest(cells)));
+        }
+        if tilted < GOOD_TILTED {
+            return Some(
+                "Tilt it by 30 degrees or more: to the left, to the right, up and down.".to_owned(),
+            );
+        }
+        (self.views().len() < GOOD_VIEWS)
+            .then(|| "Show it from other sides and distances.".to_owned())
+    }
+}
+
+/// Returns the name of the ninth of an image in which the fewest cells are covered.
+fn emptiest(cells: &[[bool; 10]; 10]) -> &'static str {
+    const NAMES: [[&str; 3]; 3] = [
+        ["top left", "top", "top right"],
+        ["left", "middle", "right"],
+        ["bottom left", "bottom", "bottom right"],
+    ];
+    const BOUNDS: [std::ops::Range<usize>; 3] = [0..3, 3..7, 7..10];
+    let share = |&(row, column): &(usize, usize)| {
+        let rows = &cells[BOUNDS[row].clone()];
+        let ninth = rows.iter().map(|row| &row[BOUNDS[column].clone()]);
+        let (mut covered, mut all) = (0, 0);
+        for cell in ninth.flatten() {
+            covered += usize::from(*cell);
+            all += 1;
+        }
+        1000 * covered / all
+    };
+    let ninths = (0..9).map(|ninth| (ninth / 3, ninth % 3));
+    // The first of equal ones, so that the advice does not jump.
+    let least = ninths.min_by_key(share);
+    least.map_or("middle", |(row, column)| NAMES[row][column])
+}
+
+pub(super) fn lock(shared: &Mutex<Collected>) -> MutexGuard<'_, Collected> {
+    // A panic of the search leaves what was collected before.
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn advice_names_the_part_of_the_image_that_is_empty() {
+        let mut cells = [[true; 10]; 10];
+        cells[9] = [false; 10];
+        cells[8][9] = false;
+        assert_eq!(emptiest(&cells), "bottom right");
+        // A ninth may have fewer cells than another.
+        cells[4] = [false; 10];
+        cells[5] = [false; 10];
+        assert_eq!(emptiest(&cells), "left");
+    }
+}

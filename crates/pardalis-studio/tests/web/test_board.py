@@ -1,0 +1,181 @@
+"""A lens from a board that is held up to the camera, in a real browser: from pictures whose camera is known, and from a live stream of a real camera."""
+
+import re
+import shutil
+import subprocess
+import tomllib
+
+from playwright.sync_api import expect
+from studio_fixtures import DATA, ROOT, run, until
+
+BOARDS = DATA / "calibration/dioptric"
+STEREO = DATA / "calibration/opencv-stereo"
+
+
+def hold_up(page, square_mm):
+    """Looks for a checkerboard of 9 x 6 inner corners."""
+    page.click("#way-board")
+    page.fill("#board-columns", "9")
+    page.fill("#board-rows", "6")
+    page.fill("#board-side", str(square_mm))
+    page.click("#look")
+
+
+def parameters(path):
+    """Returns the parameters of the only camera in a calibration file, in order."""
+    (camera,) = tomllib.loads(path.read_text())["cameras"].values()
+    ((kind, model),) = camera["model"].items()
+    flat = []
+    for name in sorted(model):
+        flat += model[name] if isinstance(model[name], list) else [model[name]]
+    return kind, flat
+
+
+def recorded(folder):
+    """Makes a recording of the rendered pictures of a board, one a second."""
+    folder.mkdir()
+    pictures = sorted(BOARDS.glob("board_*.jpg"))
+    for picture in pictures:
+        shutil.copy(picture, folder)
+    (folder / "times.csv").write_text("frame,time_s\n" + "".join(f"{i},{i}\n" for i in range(len(pictures))))
+    return len(pictures)
+
+
+def test_a_recorded_board_gives_the_lens_that_calibrate_board_finds(studio, tmp_path):
+    count = recorded(tmp_path / "board")
+    one = studio("board")
+    page = one.page
+    before = one.ask("state")["text"]
+    one.step("camera")
+    hold_up(page, 60)
+    expect(page.locator("#board-count")).to_contain_text(f"{count} views")
+    page.click("#fit-board")
+    expect(page.locator("#board-rms")).to_contain_text(re.compile(r"equidistant: points fit to 0\.0\d pixels, points that were held out to 0\.\d\d"))
+    page.click("#use-board")
+    expect(page.locator("#panel .now").first).to_contain_text("Calibrated: camera.lens.toml (equidistant)")
+    # The same as from the command line, and near the camera with which the pictures were rendered.
+    found = tmp_path / "camera.lens.toml"
+    run("calibrate", "board", "board", "--board", "checkerboard:9x6:0.06", "--model", "all", "-o", "lens", folder=tmp_path)
+    kind, values = parameters(found)
+    assert kind == "equidistant"
+    assert parameters(tmp_path / "lens/camera.toml")[0] == kind
+    for ours, theirs in zip(values, parameters(tmp_path / "lens/camera.toml")[1], strict=True):
+        # The page has the pictures in colour, and the command in grey.
+        assert abs(ours - theirs) < 1e-3 * abs(theirs), (values, theirs)
+    model = tomllib.loads(found.read_text())["cameras"]["camera"]["model"]["equidistant"]
+    assert abs(model["f_px_per_rad"] / 145.562 - 1) < 0.002
+    assert abs(model["center_px"][0] - 319.5) < 0.4 and abs(model["center_px"][1] - 239.5) < 0.4
+    # Undoing takes back the file and the scene, and doing it again restores both.
+    text, lens = one.ask("state")["text"], found.read_text()
+    assert "camera.lens.toml" in text
+    page.click("#undo")
+    until(lambda: not found.exists())
+    assert one.ask("state")["text"] == before
+    page.click("#redo")
+    until(found.exists)
+    assert found.read_text() == lens
+    assert one.ask("state")["text"] == text
+
+
+def test_a_board_before_a_live_camera_is_collected_while_the_picture_goes_on(studio, tmp_path, streams):
+    # Each picture of a real camera stands still for most of a second, and jumps to the next.
+    pictures = sorted(STEREO.glob("left*.jpg"))
+    for number, picture in enumerate(pictures):
+        shutil.copy(picture, tmp_path / f"{number:02}.jpg")
+    film = ["-framerate", "1.2", "-i", tmp_path / "%02d.jpg", "-vf", "fps=25", "-c:v", "ffv1", tmp_path / "film.mkv"]
+    subprocess.run(["ffmpeg", "-nostdin", "-v", "error", *film], check=True)
+    (address,) = streams("-i", tmp_path / "film.mkv")
+    one = studio()
+    page = one.page
+    page.fill("#address", address)
+    page.keyboard.press("Enter")
+    expect(page.locator("figure .live")).to_be_visible()
+    one.step("camera")
+    hold_up(page, 25)
+    expect(page.locator("#board-advice")).to_contain_text("enough")
+    # The picture did not wait for the search.
+    expect(page.locator("figcaption")).to_contain_text(re.compile(r"2\d\.\d per second"))
+    # What was left out has its reason.
+    page.click("#board-left-out summary")
+    expect(page.locator("#board-left-out")).to_contain_text("the board moves")
+    expect(page.locator("#board-left-out")).to_contain_text("seen like this before")
+    page.click("#leave-board")
+    views = int(re.search(r"(\d+) views", page.locator("#board-count").inner_text())[1])
+    assert 11 <= views <= 14
+    page.select_option("#board-model", "pinhole")
+    page.click("#fit-board")
+    expect(page.locator("#board-rms")).to_contain_text("pinhole: points fit to 0.")
+    page.click("#use-board")
+    expect(page.locator("#panel .now").first).to_contain_text("Calibrated: camera.lens.toml (pinhole)")
+    run("calibrate", "board", *map(str, pictures), "--board", "checkerboard:9x6:0.025", "--model", "pinhole", "-o", "lens", folder=tmp_path)
+    model = tomllib.loads((tmp_path / "camera.lens.toml").read_text())["cameras"]["camera"]["model"]["pinhole"]
+    theirs = tomllib.loads((tmp_path / "lens/camera.toml").read_text())["cameras"]["camera"]["model"]["pinhole"]
+    # The stream is compressed, and has most of the views.
+    for ours, other in zip(model["f_px"] + model["center_px"], theirs["f_px"] + theirs["center_px"]):
+        assert abs(ours - other) < 3, (model, theirs)
+
+
+def test_boards_that_are_described_wrongly_are_refused_with_the_remedy(studio, tmp_path):
+    recorded(tmp_path / "board")
+    (tmp_path / "board.toml").write_text("checkerboard = { columns = 9, rows = 6, square_m = 0.06 }\n")
+    one = studio("board")
+    page = one.page
+    errors = {
+        "look_for_board": ({"camera": "camera", "board": "chess"}, "is not a board; allowed: checkerboard"),
+        "look_for_board ": ({"camera": "camera", "board": "checkerboard:1x1:0.1"}, "allowed: 3 to 200"),
+        "look_for_board  ": ({"camera": "camera", "board": str(tmp_path / "board.toml")}, "describe the board in words"),
+        "look_for_board   ": ({"camera": "none", "board": "checkerboard:9x6:0.06"}, "has no picture"),
+        "fit_board": ({"model": "all"}, "begin with it"),
+        "use_board": ({}, "begin with it"),
+    }
+    before = one.ask("state")["text"]
+    for request, (value, message) in errors.items():
+        assert message in one.ask(request.strip(), value)["error"], request
+    # A board with other squares is seen in part, and says so.
+    one.step("camera")
+    page.click("#way-board")
+    page.fill("#board-columns", "12")
+    page.fill("#board-rows", "9")
+    page.click("#look")
+    expect(page.locator("#board-seen")).to_contain_text("12 x 9 inner corners must be in view; the largest part found has 54")
+    assert "0 views of the board are too few" in one.ask("fit_board", {"model": "all"})["error"]
+    assert page.locator("#fit-board").count() == 0
+    # Another description begins again. One or two views do not determine a lens.
+    page.click("#forget-board")
+    page.fill("#board-columns", "9")
+    page.fill("#board-rows", "6")
+    page.fill("#board-side", "60")
+    one.ask("show", {"camera": "camera", "frame": 0, "is_playing": False})
+    one.ask("look_for_board", {"camera": "camera", "board": "checkerboard:9x6:0.06"})
+    expect(page.locator("#board-count")).to_contain_text(re.compile("[12] view"))
+    assert "too few" in one.ask("fit_board", {"model": "all"})["error"]
+    assert "not calibrated yet" in one.ask("use_board")["error"]
+    assert one.ask("state")["text"] == before
+    one.errors.clear()
+
+
+def test_boards_with_markers_are_described_in_any_unit(studio, tmp_path):
+    pictures = ROOT / "crates/pardalis-calibrate/tests/boards"
+    boards = {"charuco": ("cm", {"columns": 5, "rows": 7, "side": 4, "marker": 3, "dictionary": "DICT_4X4_50"}), "aprilgrid": ("mm", {"columns": 6, "rows": 6, "side": 40, "gap": 0.3})}
+    for kind in boards:
+        (tmp_path / kind).mkdir()
+        for name in ("turned", "whole"):
+            shutil.copy(pictures / f"{kind}_{name}.jpg", tmp_path / kind)
+        (tmp_path / kind / "times.csv").write_text("frame,time_s\n0,0\n1,1\n")
+    one = studio(*boards)
+    page = one.page
+    one.step("camera")
+    page.click("#way-board")
+    for kind, (unit, values) in boards.items():
+        # The second camera has the name of the folder, or a number.
+        page.locator(".tabs button[id^=tab-]").nth(list(boards).index(kind)).click()
+        page.select_option("#board-kind", kind)
+        page.select_option("#board-unit", unit)
+        for name, value in values.items():
+            page.fill(f"#board-{name}", str(value))
+            page.keyboard.press("Tab")
+        page.click("#look")
+        expect(page.locator("#board-count")).to_contain_text("2 views")
+        # One camera at a time.
+        page.click("#forget-board")
+        expect(page.locator("#board-kind")).to_be_visible()
