@@ -126,7 +126,8 @@ def figure(report, name):
     return float(line[0].split()[-1])
 
 
-def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path):
+@pytest.mark.parametrize("frames", [[3, 67, 107], [20, 60, 80], [5, 55, 90]])
+def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path, frames):
     sequence = DATA / "dioptric-jump"
     shutil.copytree(sequence / "frames", tmp_path / "frames")
     shutil.copy(sequence / "camera.json", tmp_path / "lens.json")
@@ -145,9 +146,10 @@ def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path):
     page.click("#add-target")
     expect(page.locator("#panel .hint")).to_contain_text("Click ball in the picture")
     truth = truth_of("dioptric-jump")
-    for number, frame in enumerate([0, 40, 100]):
+    for number, frame in enumerate(frames):
         one.show("camera", frame)
-        pixel = [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])]
+        # A few pixels beside the middle of the ball, whose radius is 5 to 10 pixels.
+        pixel = [float(truth[frame]["u_px"]) + 2.5, float(truth[frame]["v_px"]) - 2]
         page.mouse.click(*one.at("camera", pixel, (640, 480)))
         expect(page.locator("#labels li")).to_have_count(number + 1)
     page.check("#marked")
@@ -170,8 +172,10 @@ def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path):
     assert (tmp_path / "again/tracks.csv").read_bytes() == shown
     report = run("evaluate", "again", str(sequence), folder=tmp_path)
     assert figure(report, "with an estimate") == 110
-    # With the colours that come with the sequence it is 60 mm; the ball is 1.8 to 3.9 m away, and its diameter 220 mm.
-    assert figure(report, "root mean square") < 110
+    # The bounds of experiments/edge for the colours that come with the sequence, plus 20 %. The ball is 1.8 to 3.9 m away, and its diameter 220 mm.
+    assert figure(report, "root mean square") < 90
+    near = run("evaluate", "again", str(sequence), "--to", "2.02", folder=tmp_path)
+    assert figure(near, "root mean square") < 48
     # The 3D view has the numbers of the rows.
     page.click("#show-viewer")
     last = list(csv.DictReader(open(tmp_path / "again/tracks.csv")))[-1]
