@@ -4,6 +4,7 @@
 """
 
 import csv
+import json
 import os
 import re
 import shutil
@@ -320,23 +321,49 @@ def test_the_pose_of_known_points_is_that_of_the_calibration(studio, tmp_path):
     assert before != after
 
 
+class Stream:
+    """Frames of a bundled sequence, which ffmpeg sends in real time, again and again, as a network camera does."""
+
+    def __init__(self, frames, log):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", 0))
+            self.address = f"udp://127.0.0.1:{free.getsockname()[1]}"
+        self.frames = DATA / frames / "%06d.jpg"
+        self.log = log
+        self.start()
+
+    def start(self):
+        source = ["-re", "-stream_loop", "-1", "-framerate", "25", "-i", str(self.frames)]
+        encoded = ["-c:v", "mpeg2video", "-q:v", "2", "-g", "5", "-f", "mpegts"]
+        command = ["ffmpeg", "-nostdin", *source, *encoded, f"{self.address}?pkt_size=1316"]
+        with open(self.log, "w") as log:
+            self.process = subprocess.Popen(command, stdout=log, stderr=log)
+
+    def stop(self):
+        self.process.kill()
+        self.process.wait()
+
+
 @pytest.fixture
-def stream(tmp_path):
-    """Streams a bundled sequence in real time, again and again."""
+def streams(tmp_path_factory):
+    """Starts streams of folders of frames."""
     assert shutil.which("ffmpeg"), "these tests need ffmpeg; install it"
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    frames = str(DATA / "dioptric-jump/frames/%06d.jpg")
-    source = ["-re", "-stream_loop", "-1", "-framerate", "25", "-i", frames]
-    encoded = ["-c:v", "mpeg2video", "-q:v", "2", "-g", "5", "-f", "mpegts"]
-    address = f"udp://127.0.0.1:{port}"
-    with open(tmp_path / "ffmpeg.log", "w") as log:
-        command = ["ffmpeg", "-nostdin", *source, *encoded, f"{address}?pkt_size=1316"]
-        process = subprocess.Popen(command, stdout=log, stderr=log)
-    yield address
-    process.kill()
-    process.wait()
+    started = []
+
+    def start(frames):
+        log = tmp_path_factory.mktemp("stream") / "ffmpeg.log"
+        started.append(Stream(frames, log))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.stop()
+
+
+@pytest.fixture
+def stream(streams):
+    """The address of a camera that sees the thrown ball."""
+    return streams("dioptric-jump/frames").address
 
 
 def test_a_live_camera_is_tracked_while_a_page_watches(studio, tmp_path, stream):
@@ -383,7 +410,7 @@ def test_a_live_stream_is_shown_learnt_tracked_and_stopped(studio, tmp_path, str
     held = page.evaluate("document.querySelector('canvas').toDataURL()")
     page.wait_for_timeout(500)
     assert page.evaluate("document.querySelector('canvas').toDataURL()") == held
-    page.mouse.click(*one.at("camera", orange_pixel(page), (640, 480)))
+    page.mouse.click(*middle_of(page, "camera", ORANGE))
     expect(page.locator("#labels li")).to_have_count(1)
     one.step("track")
     page.click("#start")
@@ -397,20 +424,104 @@ def test_a_live_stream_is_shown_learnt_tracked_and_stopped(studio, tmp_path, str
     expect(page.locator("figure .live")).to_be_visible()
 
 
-def orange_pixel(page):
-    """Returns the middle of the orange pixels of the picture, in pixels of the image."""
+# The least red, the most green, the least and the most blue; green and blue relative to red.
+ORANGE = [170, 0.7, 0, 0.4]
+PINK = [170, 0.45, 0.35, 1]
+
+
+def middle_of(page, camera, color):
+    """Returns where on the page the middle of the pixels of a colour in the picture of a camera is."""
     return page.evaluate(
-        """() => {
-            const canvas = document.querySelector("canvas");
+        """([camera, [red, green, leastBlue, mostBlue]]) => {
+            const canvas = document.querySelector(`[data-camera=${camera}] canvas`);
             const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
             const [us, vs] = [[], []];
             for (let i = 0; i < data.length; i += 4) {
-                if (data[i] > 170 && data[i + 1] < 0.7 * data[i] && data[i + 2] < 0.4 * data[i]) {
+                const [r, g, b] = data.subarray(i, i + 3);
+                if (r > red && g < green * r && b >= leastBlue * r && b < mostBlue * r) {
                     us.push((i / 4) % canvas.width);
                     vs.push(Math.floor(i / 4 / canvas.width));
                 }
             }
             const middle = (values) => values.sort((a, b) => a - b)[values.length >> 1];
-            return [us, vs].map((values) => middle(values) * 640 / canvas.width);
+            const box = canvas.getBoundingClientRect();
+            return [box.left + (middle(us) / canvas.width) * box.width, box.top + (middle(vs) / canvas.height) * box.height];
+        }""",
+        [camera, color],
+    )
+
+
+def test_two_live_cameras_become_a_scene_in_25_clicks(studio, tmp_path, streams):
+    """From an empty folder, with nothing but the mouse and what is typed into fields."""
+    sequence = DATA / "webcams-two"
+    cameras = json.loads((sequence / "cameras.json").read_text())["cameras"]
+    for camera in cameras:
+        (tmp_path / f"{camera['name']}.json").write_text(json.dumps(camera))
+    live = [streams(f"webcams-two/frames/{camera['name']}") for camera in cameras]
+    one = studio()
+    page = one.page
+    page.evaluate(
+        """() => {
+            window.clicks = window.typed = 0;
+            addEventListener("pointerdown", () => (window.clicks += 1), true);
+            addEventListener("change", (event) => (window.typed += event.target.matches("input[type=text], input[type=number]")), true);
         }"""
     )
+    begun_s = time.monotonic()
+    # Sources: two addresses. The names of the cameras are those that the program gives.
+    for number, stream in enumerate(live):
+        page.click("#address")
+        page.keyboard.type(stream.address)
+        page.keyboard.press("Enter")
+        expect(page.locator("figure .live")).to_have_count(number + 1)
+    names = [camera["name"] for camera in one.ask("state")["cameras"]]
+    # Camera: a calibration each, with its pose.
+    one.step("camera")
+    # The one that was added last is shown.
+    for name, camera in reversed(list(zip(names, cameras))):
+        if name != names[-1]:
+            page.click(f"#tab-{name}")
+        page.get_by_role("button", name=f"{camera['name']}.json").click()
+        expect(page.locator("#panel .now")).to_contain_text(f"Calibrated: {camera['name']}.json")
+    expect(page.locator("#step-pose .number")).to_have_text("✓")
+    # Colours: the ball in held pictures of both.
+    one.step("colors")
+    page.click("#add-target")
+    for number, name in enumerate(names):
+        if number > 0:
+            page.click(f"#tab-{name}")
+        page.click(f"#play-{name}")
+        expect(page.locator(f"#play-{name}")).to_contain_text("Go on")
+        page.mouse.click(*middle_of(page, name, PINK))
+        expect(page.locator("#labels li")).to_have_count(number + 1)
+    # Targets: the diameter.
+    one.step("targets")
+    page.click("#diameter-ball", click_count=3)
+    page.keyboard.type("7")
+    page.keyboard.press("Enter")
+    expect(page.locator("#step-targets .number")).to_have_text("✓")
+    # Track, and save.
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    expect(page.locator("figure:not(.waits)")).to_have_count(2)
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+    page.click("#save-here")
+    expect(page.locator("#file")).to_have_text("scene.toml")
+    clicks, typed = page.evaluate("[window.clicks, window.typed]")
+    took_s = time.monotonic() - begun_s
+    assert clicks <= 25
+    # The saved scene over the files themselves, against the truth: the bound of experiments/edge plus 20 %.
+    scene = (tmp_path / "scene.toml").read_text()
+    for name, camera, stream in zip(names, cameras, live):
+        frames = sequence / "frames" / camera["name"]
+        assert f'video = "{stream.address}"' in scene
+        scene = scene.replace(f'video = "{stream.address}"', f'images = "{frames}"\nfps = 25')
+    (tmp_path / "recorded.toml").write_text(scene)
+    run("track", "recorded.toml", "-o", "recorded", folder=tmp_path)
+    report = run("evaluate", "recorded", str(sequence), "--from", "0.39", folder=tmp_path)
+    assert figure(report, "with an estimate") >= 149
+    error_mm = figure(report, "root mean square")
+    print(f"{clicks} clicks, {typed} fields, {took_s:.0f} s, {error_mm} mm")
+    assert error_mm < 0.96

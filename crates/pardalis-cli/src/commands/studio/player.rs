@@ -33,7 +33,7 @@ const LOST_INTERVALS: f64 = 1.6;
 pub(super) struct Player {
     shared: Arc<Shared>,
     /// The settings of its source, by which changes are recognised.
-    settings: String,
+    config: SourceConfig,
     is_live: bool,
     thread: Option<JoinHandle<()>>,
 }
@@ -46,6 +46,11 @@ struct Shared {
     orders: Mutex<Orders>,
     ordered: Condvar,
     seen: Mutex<Seen>,
+}
+
+/// Reports whether two sources have the same settings.
+pub(super) fn shows_same(a: &SourceConfig, b: &SourceConfig) -> bool {
+    format!("{a:?}") == format!("{b:?}")
 }
 
 /// What the page wants to see.
@@ -89,11 +94,10 @@ impl Player {
         if let Some(source) = &open {
             shared.see(source);
         }
-        let settings = format!("{config:?}");
         let thread = std::thread::Builder::new()
             .name(format!("player of {camera}"))
             .spawn({
-                let shared = Arc::clone(&shared);
+                let (shared, config) = (Arc::clone(&shared), config.clone());
                 move || {
                     if let Err(error) = shared.play(&config, open) {
                         shared.seen().error = Some(format!("{error:#}"));
@@ -105,7 +109,7 @@ impl Player {
             .context("no further thread can be started; use fewer cameras")?;
         Ok(Self {
             shared,
-            settings,
+            config,
             is_live,
             thread: Some(thread),
         })
@@ -113,7 +117,7 @@ impl Player {
 
     /// Reports whether it shows this source.
     pub(super) fn shows(&self, config: &SourceConfig) -> bool {
-        self.settings == format!("{config:?}")
+        shows_same(&self.config, config)
     }
 
     pub(super) fn is_live(&self) -> bool {

@@ -8,11 +8,12 @@ use pardalis_studio::Feed;
 use serde_json::Value;
 
 use super::places::Places;
-use super::player::Player;
+use super::player::{Player, shows_same};
 use super::project::{Project, State};
 use super::running::Running;
 use crate::commands::learn::samples::Learnt;
 use crate::scene::{self, Parts};
+use crate::source::{Source, SourceConfig};
 use crate::user_error::user_error;
 
 /// What is set up, and its run.
@@ -29,6 +30,8 @@ pub(super) struct Inner {
     pub(super) project: Project,
     /// The pictures of cameras, by their names.
     pub(super) players: BTreeMap<String, Player>,
+    /// The source of a live camera that is being added. Opening it again would take seconds, or fail.
+    pub(super) open: Option<(SourceConfig, Source)>,
     /// The colours that were learnt from the present samples of targets, by their names.
     pub(super) learnt: BTreeMap<String, Learnt>,
     pub(super) running: Option<Running>,
@@ -43,6 +46,7 @@ impl Session {
             inner: Mutex::new(Inner {
                 project,
                 players: BTreeMap::new(),
+                open: None,
                 learnt: BTreeMap::new(),
                 running: None,
             }),
@@ -111,10 +115,14 @@ impl Session {
             wanted.get(name).is_some_and(|config| player.shows(config))
         };
         inner.players.retain(is_wanted);
+        let mut open = inner.open.take();
         for (name, config) in wanted {
-            if !inner.players.contains_key(&name)
-                && let Ok(player) = Player::start(&name, config, None, &self.feed)
-            {
+            if inner.players.contains_key(&name) {
+                continue;
+            }
+            let is_open = |(other, _): &mut (SourceConfig, Source)| shows_same(other, &config);
+            let source = open.take_if(is_open).map(|(_, source)| source);
+            if let Ok(player) = Player::start(&name, config, source, &self.feed) {
                 inner.players.insert(name, player);
             }
         }

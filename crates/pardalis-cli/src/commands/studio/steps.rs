@@ -97,7 +97,7 @@ impl Session {
         })
     }
 
-    /// Opens a live camera once for the size of its images.
+    /// Opens a live camera, for the size of its images and then for its pictures.
     fn live_camera(&self, input: &str) -> Result<CameraText> {
         let place = toml::Value::from(input);
         let probe = format!(
@@ -119,11 +119,12 @@ impl Session {
             .map(|camera| scene::source_config(camera, folder));
         let config = config.unwrap_or_else(|| unreachable!("it has no problem"));
         let config = config.map_err(|problem| problems_in("scene", &path, &[problem]))?;
-        let size = Source::open(&config)?.size();
+        let source = Source::open(&config)?;
         let opened = Opened {
-            size,
+            size: source.size(),
             input: Input::Video,
         };
+        self.inner().open = Some((config, source));
         Ok(CameraText::guessed(
             Model::Pinhole,
             &Fov::Unknown,
