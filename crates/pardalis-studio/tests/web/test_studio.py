@@ -31,7 +31,8 @@ class Studio:
     def __init__(self, browser, folder, *arguments, command="studio", **context):
         self.folder = folder
         self.log = open(folder / "program.log", "w+")
-        self.process = subprocess.Popen([PROGRAM, command, *arguments], cwd=folder, stdout=self.log, stderr=self.log)
+        self.command = [PROGRAM, command, *arguments]
+        self.start()
         self.address = self.wait_for(r"Open (http://\S+) ")
         self.errors = []
         self.foreign = []
@@ -42,6 +43,9 @@ class Studio:
         self.page.on("console", lambda message: message.type == "error" and self.errors.append(message.text))
         self.page.on("request", lambda request: self.is_own(request.url) or self.foreign.append(request.url))
         self.page.goto(self.address)
+
+    def start(self):
+        self.process = subprocess.Popen(self.command, cwd=self.folder, stdout=self.log, stderr=self.log)
 
     def wait_for(self, pattern):
         for _ in range(300):
@@ -367,10 +371,7 @@ def stream(streams):
 
 
 def test_a_live_camera_is_tracked_while_a_page_watches(studio, tmp_path, stream):
-    scene = (DATA / "dioptric-jump/scene.toml").read_text()
-    scene = scene.replace('images = "frames"\nfps = 25', f'video = "{stream}"')
-    scene = scene.replace("../colors", str(DATA / "colors"))
-    (tmp_path / "live.toml").write_text(scene)
+    live_scene(tmp_path, stream)
     one = studio("live.toml", "--watch", "--duration", "6", "-o", "out", command="track")
     page = one.page
     expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
@@ -389,6 +390,117 @@ def test_a_live_camera_is_tracked_while_a_page_watches(studio, tmp_path, stream)
     expect(page.locator(".message")).to_contain_text("The run is over")
     page.close()
     one.errors.clear()
+
+
+def live_scene(folder, address):
+    """Writes a scene of the thrown ball whose camera is a stream."""
+    scene = (DATA / "dioptric-jump/scene.toml").read_text()
+    scene = scene.replace('images = "frames"\nfps = 25', f'video = "{address}"')
+    scene = scene.replace("../colors", str(DATA / "colors"))
+    (folder / "live.toml").write_text(scene)
+
+
+def test_a_camera_that_goes_away_is_missed_and_comes_back(studio, tmp_path, streams):
+    stream = streams("dioptric-jump/frames")
+    live_scene(tmp_path, stream.address)
+    one = studio("live.toml")
+    page = one.page
+    caption = page.locator("figcaption")
+    is_back = re.compile(r"\d\d\.\d per second")
+    # While its picture is shown.
+    expect(caption).to_contain_text(is_back)
+    stream.stop()
+    expect(caption).to_contain_text(re.compile(r"no image for \d+ s"))
+    stream.start()
+    expect(caption).to_contain_text(is_back)
+    # While it is tracked: the run goes on with the rows after the gap.
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    stream.stop()
+    expect(caption).to_contain_text(re.compile(r"no image for \d+ s"))
+    last = page.locator("#now .time").inner_text()
+    stream.start()
+    expect(caption).not_to_contain_text("no image")
+    expect(page.locator("#now .time")).not_to_have_text(last)
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+
+
+def test_a_camera_that_is_not_there_is_tried_until_it_is(studio, tmp_path):
+    """One whose program ends, unlike a silent one."""
+    server = socket.create_server(("127.0.0.1", 0))
+    port = server.getsockname()[1]
+    server.close()
+    live_scene(tmp_path, f"tcp://127.0.0.1:{port}")
+    one = studio("live.toml")
+    expect(one.page.locator("figcaption .bad")).to_contain_text(f"127.0.0.1:{port}")
+    source = ["-re", "-stream_loop", "-1", "-framerate", "25", "-i", str(DATA / "dioptric-jump/frames/%06d.jpg")]
+    encoded = ["-c:v", "mpeg2video", "-q:v", "2", "-g", "5", "-f", "mpegts", f"tcp://127.0.0.1:{port}?listen=1"]
+    camera = subprocess.Popen(["ffmpeg", "-nostdin", "-loglevel", "error", *source, *encoded], stdout=one.log, stderr=one.log)
+    try:
+        expect(one.page.locator("figcaption")).to_contain_text(re.compile(r"\d\d\.\d per second"))
+        expect(one.page.locator("figcaption .bad")).to_have_count(0)
+    finally:
+        camera.kill()
+        camera.wait()
+
+
+def test_a_program_that_is_started_anew_gets_back_what_was_not_saved(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "frames")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    one = studio("--port", str(port))
+    page = one.page
+    page.get_by_role("button", name="Add the images in frames").click()
+    one.step("colors")
+    page.click("#add-target")
+    expect(page.locator("#panel .hint")).to_contain_text("Click ball")
+    text = one.ask("state")["text"]
+    one.process.kill()
+    one.process.wait()
+    expect(page.locator(".message.error").last).to_contain_text("does not answer")
+    expect(page.locator("body")).to_have_class(re.compile("offline"))
+    # Nothing that is tried meanwhile is lost in silence, or shown as done.
+    page.click("#undo")
+    expect(page.locator(".message.error")).to_have_count(2)
+    expect(page.locator("#undo")).to_be_enabled()
+    one.start()
+    expect(page.locator("#restore")).to_be_visible()
+    expect(page.locator("body")).not_to_have_class(re.compile("offline"))
+    assert one.ask("state")["text"] != text
+    page.click("#restore")
+    expect(page.locator("#restore")).to_have_count(0)
+    assert one.ask("state")["text"] == text
+    expect(page.locator("#panel .hint")).to_contain_text("Click ball")
+    expect(page.locator("figure:not(.waits)")).to_be_visible()
+    page.click("#save")
+    expect(page.locator("#save")).to_be_disabled()
+    assert (tmp_path / "scene.toml").read_text() == text
+    # The browser lists the requests that nobody answered.
+    one.errors.clear()
+
+
+def test_a_tab_that_slept_shows_the_newest(studio, tmp_path, stream):
+    one = studio(stream)
+    page = one.page
+    caption = page.locator("figcaption")
+    expect(caption).to_contain_text(re.compile(r"of \d+ lost"))
+    session = one.context.new_cdp_session(page)
+
+    def frames():
+        return int(re.search(r"of (\d+) lost", caption.inner_text())[1])
+
+    before = frames()
+    session.send("Page.setWebLifecycleState", {"state": "frozen"})
+    time.sleep(4)
+    session.send("Page.setWebLifecycleState", {"state": "active"})
+    until(lambda: frames() > before + 90)
+    drawn = page.evaluate("document.querySelector('canvas').toDataURL()")
+    until(lambda: page.evaluate("document.querySelector('canvas').toDataURL()") != drawn)
+    assert page.locator(".message.error").count() == 0
 
 
 def test_a_live_stream_is_shown_learnt_tracked_and_stopped(studio, tmp_path, stream):

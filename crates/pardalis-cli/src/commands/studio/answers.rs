@@ -46,6 +46,12 @@ struct Removed {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+struct Restored {
+    text: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Rows {
     from: usize,
 }
@@ -148,6 +154,7 @@ impl Session {
                 self.inner().project.redo()?;
                 self.changed();
             }
+            "restore" => self.restore(&read::<Restored>(value)?.text)?,
             "save" => {
                 read::<Nothing>(value)?;
                 self.inner().project.save()?;

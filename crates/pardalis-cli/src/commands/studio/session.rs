@@ -88,6 +88,18 @@ impl Session {
         Ok(())
     }
 
+    /// Goes to the text of a scene that a page has kept while the program was started anew, whatever its problems.
+    pub(super) fn restore(&self, text: &str) -> Result<()> {
+        let mut inner = self.inner();
+        let mut state = inner.project.now().clone();
+        state.text = text.into();
+        "the scene of the page".clone_into(&mut state.what);
+        inner.project.edit(state)?;
+        drop(inner);
+        self.changed();
+        Ok(())
+    }
+
     /// Follows the project with the pictures and the colours.
     pub(super) fn changed(&self) {
         let mut inner = self.inner();
