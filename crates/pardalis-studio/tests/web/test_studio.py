@@ -215,7 +215,7 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
     page.keyboard.press("Alt+5")
     page.fill("#diameter-ball", "30")
     page.keyboard.press("Enter")
-    expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius 0.15 m"))
+    expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius_m 0.15 for ball"))
     texts.append(one.ask("state")["text"])
     assert "radius_m = 0.15" in texts[1]
     # Undone outside of fields, where it would undo typing.
@@ -249,7 +249,10 @@ def test_mistakes_are_refused_with_their_remedy_and_change_nothing(studio, tmp_p
         "set_calibration": ({"camera": "camera", "file": "../secret.toml"}, "start it with the folder"),
         "set_fov": ({"camera": "camera", "fov_deg": 180}, "allowed: 1 to 170"),
         "add_target": ({"name": "a b"}, "allowed: 1 to 64 of the characters"),
-        "set_radius": ({"target": "ball", "radius_m": -1}, "targets.ball"),
+        "set_shape": ({"target": "ball", "kind": "sphere", "sizes": {"radius_m": -1}}, "targets.ball"),
+        "set_shape ": ({"target": "ball", "kind": "pyramid", "sizes": {"height_m": 1}}, "[targets.ball.shape.prism]"),
+        "set_shape  ": ({"target": "ball", "kind": "box", "sizes": {"size_m": [1, 2]}}, "targets.ball"),
+        "set_shape   ": ({"target": "none", "kind": "box", "sizes": {"size_m": [1, 2, 3]}}, "is not in the scene"),
         "label": ({"camera": "camera", "target": "none", "at_px": [1, 1]}, "is not in the scene"),
         "set_pose": ({"camera": "camera", "points": []}, "too few"),
         "set_pose_of_board": ({"camera": "camera", "board": str(tmp_path / "secret.toml")}, "describe the board in words"),
@@ -268,6 +271,85 @@ def test_mistakes_are_refused_with_their_remedy_and_change_nothing(studio, tmp_p
     expect(one.page.locator(".message.error")).to_contain_text("broken.yml")
     assert len(one.errors) == len(errors) + 1
     one.errors.clear()
+
+
+def shape_of(state, target):
+    """Returns the shape of a target as the scene has it."""
+    [shape] = [one["shape"] for one in state["targets"] if one["name"] == target]
+    return shape
+
+
+def test_targets_of_all_shapes_have_sizes_in_any_unit(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "frames")
+    one = studio("frames")
+    page = one.page
+    for name in ["ball", "crate"]:
+        one.ask("add_target", {"name": name})
+    texts = [one.ask("state")["text"]]
+    ball = shape_of(one.ask("state"), "ball")
+    one.step("targets")
+    shapes = {
+        "cylinder": ({"diameter": "30", "height": "0.5"}, "in", {"radius_m": 0.381, "height_m": 0.0127}),
+        "box": ({"length": "40", "width": "30", "height": "20"}, "cm", {"size_m": [0.4, 0.3, 0.2]}),
+        "prism": ({"width": "250", "height": "600"}, "mm", {"across_flats_m": 0.25, "height_m": 0.6}),
+        "disc": ({"diameter": "0.12", "height": "0.4"}, "m", {"radius_m": 0.06, "height_m": 0.4}),
+        "rectangle": ({"length": "30", "width": "20", "height": "0"}, "cm", {"size_m": [0.3, 0.2], "height_m": 0}),
+        "sphere": ({"diameter": "22"}, "cm", {"radius_m": 0.11}),
+    }
+    for kind, (sizes, unit, expected) in shapes.items():
+        page.select_option("#kind-crate", kind)
+        page.select_option("#unit-crate", unit)
+        for size, value in sizes.items():
+            page.fill(f"#{size}-crate", value)
+        page.click("#set-crate")
+        expect(page.locator("#undo")).to_have_attribute("title", re.compile(f"Undo: {kind}: .* for crate"))
+        state = one.ask("state")
+        assert shape_of(state, "crate") == {kind: expected}
+        assert shape_of(state, "ball") == ball
+        assert [problem for problem in state["problems"] if "shape" in problem["key"]] == []
+        texts.append(state["text"])
+        # What is shown is what was set.
+        for size, value in sizes.items():
+            expect(page.locator(f"#{size}-crate")).to_have_value(value)
+    # Every step can be undone.
+    for text in reversed(texts[:-1]):
+        page.click("#undo")
+        until(lambda: one.ask("state")["text"] == text)
+    # Of what is no ball a click gives no outline, but a box does.
+    page.select_option("#kind-crate", "box")
+    page.click("#set-crate")
+    one.step("colors")
+    page.select_option("#target", "crate")
+    expect(page.locator("#panel .hint")).to_contain_text("Drag a box closely around crate")
+    page.mouse.click(*middle_of(page, "camera", ORANGE))
+    expect(page.locator(".message.error")).to_contain_text("drag a box")
+    u, v = middle_of(page, "camera", ORANGE)
+    page.mouse.move(u - 12, v - 12)
+    page.mouse.down()
+    page.mouse.move(u + 12, v + 12, steps=3)
+    page.mouse.up()
+    expect(page.locator("#labels li")).to_have_count(1)
+    [crate] = [target for target in one.ask("state")["targets"] if target["name"] == "crate"]
+    assert len(crate["samples"][0]["outline_px"]) == 4
+    one.errors.clear()
+
+
+def test_a_size_that_the_cameras_contradict_is_shown_and_can_be_taken_over(studio, tmp_path):
+    scene = (ROOT / "experiments/edge/webcams-two.toml").read_text().replace("../../data", str(DATA))
+    (tmp_path / "scene.toml").write_text(scene.replace("radius_m = 0.035", "radius_m = 0.042"))
+    one = studio("scene.toml")
+    page = one.page
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("#report")).to_contain_text("tracked 160 frame")
+    one.step("targets")
+    expect(page.locator("#measured-ball")).to_contain_text("contradicts the scene")
+    page.click("#use-ball")
+    expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius_m"))
+    assert abs(shape_of(one.ask("state"), "ball")["sphere"]["radius_m"] - 0.035) < 0.0005
+    page.click("#unknown-ball")
+    expect(page.locator("#panel")).to_contain_text("Its size is unknown")
+    assert 'radius_m = "unknown"' in one.ask("state")["text"]
 
 
 def test_names_of_strangers_stay_texts(studio, tmp_path):

@@ -114,6 +114,34 @@ pub(crate) fn outline_of(
     Ok(better_px.unwrap_or(rough_px))
 }
 
+/// Returns the corners of the box in which something that is no ball was pointed at.
+///
+/// Errors: it was not a box.
+pub(crate) fn box_of(frame: &Frame, pointed: Pointed) -> Result<Vec<[f64; 2]>> {
+    let Pointed::Within(a, b) = pointed else {
+        return Err(user_error!(
+            "the outline at a click is that of a ball; drag a box closely around the target instead"
+        ));
+    };
+    let Label::Rect {
+        x,
+        y,
+        width,
+        height,
+    } = boxed(frame, a, b)?
+    else {
+        unreachable!("it is a box");
+    };
+    let [left, top] = [x, y].map(|first| (first as f64 - 0.5).max(0.0));
+    let (right, bottom) = ((x + width) as f64 - 0.5, (y + height) as f64 - 0.5);
+    Ok(vec![
+        [left, top],
+        [right, top],
+        [right, bottom],
+        [left, bottom],
+    ])
+}
+
 /// Learns the colours of the target from samples.
 ///
 /// Errors: there are none.

@@ -8,7 +8,8 @@ use serde_json::{Value, json};
 
 use super::pose::{KnownPoints, OfCamera, OnFloor};
 use super::session::Session;
-use super::steps::{Calibrated, Guessed, Label, NewTarget, Radius};
+use super::steps::{Calibrated, Guessed, Label};
+use super::targets::{NewTarget, Shaped};
 use crate::commands::devices;
 use crate::user_error::user_error;
 
@@ -125,7 +126,7 @@ impl Session {
             "find_rectangle" => return self.find_rectangle(&read::<OfCamera>(value)?),
             "grid" => return self.grid(&read::<OfCamera>(value)?),
             "add_target" => self.add_target(&read::<NewTarget>(value)?)?,
-            "set_radius" => self.set_radius(&read::<Radius>(value)?)?,
+            "set_shape" => self.set_shape(&read::<Shaped>(value)?)?,
             "label" => self.label(&read::<Label>(value)?)?,
             "unlabel" => {
                 let label: Unlabelled = read(value)?;

@@ -24,6 +24,8 @@ mod session;
 mod state;
 #[cfg(feature = "studio")]
 mod steps;
+#[cfg(feature = "studio")]
+mod targets;
 
 use std::net::IpAddr;
 use std::path::PathBuf;
