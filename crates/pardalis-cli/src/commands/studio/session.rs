@@ -12,6 +12,7 @@ use super::player::{Player, shows_same};
 use super::project::{Project, State};
 use super::running::Running;
 use crate::commands::learn::samples::Learnt;
+use crate::output::warn;
 use crate::scene::{self, Parts};
 use crate::source::{Source, SourceConfig};
 use crate::user_error::user_error;
@@ -60,6 +61,23 @@ impl Session {
 
     pub(super) fn is_saved(&self) -> bool {
         self.inner().project.is_saved()
+    }
+
+    /// Returns the text of the scene.
+    pub(super) fn text(&self) -> Arc<str> {
+        Arc::clone(&self.inner().project.now().text)
+    }
+
+    /// Says on the terminal what is wrong with the scene.
+    pub(super) fn warn_of_problems(&self) {
+        let inner = self.inner();
+        let problems = inner.parts().assembly.problems;
+        if !problems.is_empty() {
+            let error = scene::problems_in("scene", inner.project.path(), &problems);
+            warn(format!(
+                "{error:#}\nThe page shows each in the step that solves it."
+            ));
+        }
     }
 
     /// Goes to another state of the project, unless what was edited, by its key, has a problem then that it did not have.
