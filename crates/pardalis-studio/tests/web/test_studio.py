@@ -107,6 +107,10 @@ def studio(browser, tmp_path):
         one.close()
 
 
+# Where the pictures of the guide go (see scripts/studio-pictures); nowhere in tests.
+PICTURES = os.environ.get("PICTURES")
+
+
 def until(is_so):
     """Waits until something holds."""
     for _ in range(PATIENCE_MS // 100):
@@ -719,3 +723,53 @@ def test_two_live_cameras_become_a_scene_in_25_clicks(studio, tmp_path, streams)
     error_mm = figure(report, "root mean square")
     print(f"{clicks} clicks, {typed} fields, {took_s:.0f} s, {error_mm} mm")
     assert error_mm < 0.96
+
+
+def test_every_step_can_be_pictured_for_the_guide(studio, tmp_path):
+    """Goes through the steps with the scene of the thrown ball, and writes pictures if PICTURES says where."""
+    folder = Path(PICTURES) if PICTURES else tmp_path
+    work = tmp_path / "hall"
+    work.mkdir()
+    shutil.copytree(DATA / "dioptric-jump/frames", work / "throw")
+    shutil.copy(DATA / "dioptric-jump/camera.json", work / "fisheye.json")
+    one = studio("throw", folder=work, color_scheme="light")
+    page = one.page
+    truth = truth_of("dioptric-jump")
+
+    def take(step):
+        expect(page.locator(f"#step-{step}")).to_have_attribute("aria-current", "step")
+        expect(page.locator("figure:not(.waits), #viewer canvas").first).to_be_visible()
+        expect(page.locator(".message")).to_have_count(0)
+        page.mouse.move(0, 0)
+        page.wait_for_timeout(300)
+        # Not where this test runs.
+        page.evaluate("document.querySelectorAll('.folder span').forEach((path) => (path.textContent = 'hall/'))")
+        picture = folder / f"studio-{step}.jpg"
+        page.screenshot(path=picture, type="jpeg", quality=75)
+        assert picture.stat().st_size < 120_000, step
+
+    one.show("camera", 40)
+    take("sources")
+    one.step("camera")
+    page.get_by_role("button", name="fisheye.json").click()
+    expect(page.locator("#panel .now")).to_contain_text("Calibrated")
+    take("camera")
+    one.step("pose")
+    expect(page.locator("#panel .now")).to_contain_text("lines of the grid")
+    take("pose")
+    one.step("colors")
+    page.click("#add-target")
+    for number, frame in enumerate([100, 5, 40]):
+        one.show("camera", frame)
+        page.mouse.click(*one.at("camera", [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])], (640, 480)))
+        expect(page.locator("#labels li")).to_have_count(number + 1)
+    take("colors")
+    one.step("targets")
+    page.fill("#diameter-ball", "22")
+    page.click("#set-ball")
+    expect(page.locator("#step-targets .number")).to_have_text("✓")
+    take("targets")
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("#report")).to_contain_text("tracked 110 frames")
+    take("track")
