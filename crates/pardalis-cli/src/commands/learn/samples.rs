@@ -289,7 +289,7 @@ mod tests {
                 Pointed::At([u + 0.4 * r, v - 0.4 * r]),
                 Pointed::Within([u - 1.2 * r, v - 1.1 * r], [u + 1.1 * r, v + 1.2 * r]),
             ] {
-                let outline = outline_of(&frame, Some(lens.clone().into()), pointed).unwrap();
+                let outline = outline_of(&frame, Some(lens.into()), pointed).unwrap();
                 let found = Circle::of_outline(&outline).unwrap();
                 assert!(
                     circle.radii_to(&found) * r < 0.8,
