@@ -19,10 +19,9 @@ const OUTSIDE_ROWS: usize = 3;
 /// Weight of the counts of the other side, which support a side with few counts of its own. Hand-set.
 const OTHER_SIDE_WEIGHT: f64 = 0.05;
 /// The default edge if no profile was learnt: its blur as a standard deviation and its offset towards the
-/// inside, in pixels. Origin: the blur of the bundled training sets; outlines that are fitted with this offset in their images
-/// and in the bundled sequences of the fisheye camera are as large as the true ones on average.
+/// inside, in pixels. Origin: as in the bundled training sets.
 const SOFT_PX: f64 = 1.3;
-const SOFT_INSIDE_PX: f64 = 0.42;
+const SOFT_INSIDE_PX: f64 = 0.35;
 /// The least blur in images of reduced size, a standard deviation in pixels. Hand-set: pixels are means over squares.
 const MIN_SOFT_PX: f64 = 0.5;
 /// Noise of the default edge as standard deviations in units of membership: outside, then the additions in

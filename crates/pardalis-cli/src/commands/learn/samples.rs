@@ -103,7 +103,11 @@ pub(crate) fn outline_of(
         let file = LabelledFile::of_frame(image, (0, frame.clone()), lens.clone(), label);
         let view = file.view(frame, Some(near(frame, &around)?))?;
         let model = Evidence::gather(&[file], Palette::HSI)?.model()?;
-        Ok(fit(frame, &model, &around, view)?.map(|found| found.outline_px))
+        let found = fit(frame, &model, &around, view)?;
+        // A label has no corners beyond the image.
+        let sides = [frame.width(), frame.height()].map(|side| side as f64);
+        let inside = |at: [f64; 2]| [0, 1].map(|axis| at[axis].clamp(0.0, sides[axis]));
+        Ok(found.map(|found| found.outline_px.into_iter().map(inside).collect()))
     };
     let Some(rough_px) = outline(label)? else {
         // Its colours may be found, but not its edge, as of something small.
