@@ -11,6 +11,8 @@ import { targets } from "./steps/targets.js";
 import { track } from "./steps/track.js";
 
 const STEPS = [sources, camera, pose, colors, targets, track];
+/** A camera without an image for so many seconds is said to be silent. */
+const SILENT_S = 1.5;
 const byId = (id) => document.getElementById(id);
 
 /** What all steps share. */
@@ -89,13 +91,14 @@ function watchedState(path) {
   return { watched: path, path, is_saved: true, undo: null, redo: null, problems: [], guesses: [], cameras: names(scene?.cameras), targets: names(scene?.targets), run };
 }
 
-/** Shows a message for a while; errors until they are closed. */
+/** Shows a message for a while; errors until they are closed. Returns its element. */
 function say(text, isError = false) {
   const message = el("div", { class: isError ? "message error" : "message" }, el("p", {}, text));
   message.append(button("×", () => message.remove(), { "aria-label": "Close" }));
   byId("messages").append(message);
   while (byId("messages").childElementCount > 3) byId("messages").firstElementChild.remove();
   if (!isError) setTimeout(() => message.remove(), 4000);
+  return message;
 }
 
 function renderHeader() {
@@ -177,6 +180,17 @@ function showLatest(name, picture) {
   if (latest) picture.show(latest.image, latest.about);
 }
 
+/** Says that no image comes from a camera, if that is so for some seconds. */
+function silence(seconds) {
+  return seconds > SILENT_S ? el("span", { class: "bad" }, `no image for ${Math.round(seconds)} s; waiting for the camera`) : "";
+}
+
+/** Returns for how many seconds no image of a topic has come. */
+function secondsWithoutImage(topic) {
+  const latest = app.images.get(topic);
+  return latest ? (performance.now() - latest.at) / 1000 : 0;
+}
+
 /** Returns the name of a camera with how its frames come, and buttons to move in a recording. */
 function captionOf(name) {
   const camera = app.state.cameras.find((one) => one.name === name);
@@ -184,9 +198,11 @@ function captionOf(name) {
   const parts = [el("strong", {}, name)];
   const error = source.error ?? camera?.source?.error;
   if (error) return [...parts, el("span", { class: "bad" }, error)];
-  if (!camera?.source || app.step.imageOf?.(app, name)?.isOfRun || app.state.run?.goes_on) return parts;
+  if (app.state.run?.goes_on) return [...parts, silence(camera?.source ? 0 : secondsWithoutImage(`run/${name}`))];
+  if (!camera?.source || app.step.imageOf?.(app, name)?.isOfRun) return parts;
   const rate = source.rate_hz ? `${source.rate_hz.toFixed(1)} per second` : "";
   if (camera.source.is_live) {
+    if (source.silent_s) return [...parts, silence(source.silent_s)];
     const lost = `${source.lost ?? 0} of ${(source.frames ?? 0) + (source.lost ?? 0)} lost`;
     const delay = `${Math.round(source.delay_ms ?? 0)} ms late`;
     const toggle = button(source.is_playing === false ? "▶ Go on" : "❚❚ Hold", () => ask("show", { camera: name, is_playing: source.is_playing === false }), {
@@ -228,7 +244,8 @@ function renderPanel() {
   );
 }
 
-let isAnnounced = false;
+/** Says that the program does not answer, or that the run is over. */
+let announced = null;
 
 function show(topic, value, image) {
   if (topic === "state") return app.take(value);
@@ -237,7 +254,7 @@ function show(topic, value, image) {
     // Images of cameras have the names of these.
     const key = kind === "image" ? name : topic;
     const before = app.images.get(key);
-    app.images.set(key, { image, about: value });
+    app.images.set(key, { image, about: value, at: performance.now() });
     before?.image.close();
     app.step.seen?.(app, topic);
     for (const [camera, picture] of app.pictures) showLatest(camera, picture);
@@ -245,6 +262,8 @@ function show(topic, value, image) {
     return;
   }
   app.latest.set(topic, value);
+  // Another run begins.
+  if (topic === "scene") for (const [key, latest] of app.images) if (key.startsWith("run/")) latest.at = performance.now();
   if (app.state?.watched && (topic === "scene" || topic === "over")) app.take(app.state);
   if (topic === "changed") return ask("state").then((state) => app.take(state));
   if (kind === "source" && app.pictures.has(name)) app.pictures.get(name).caption.isConnected && updateCaption(name);
@@ -262,20 +281,37 @@ function updateCaption(name) {
   replaceChildren(caption, captionOf(name));
 }
 
+// What does not come changes the captions, too.
+setInterval(() => app.state?.run?.goes_on && [...app.pictures.keys()].forEach(updateCaption), 1000);
+
+/** The text of the scene when the program stopped to answer, if it was not saved. */
+let unsaved = null;
+
+/** Says what a program that was started anew does not know, and offers to give it to that. */
+function offerUnsaved() {
+  if (unsaved === null || app.state.watched || app.state.text === unsaved) return;
+  const text = unsaved;
+  unsaved = null;
+  const message = say("The program was started anew without having saved the scene of this page.", true);
+  const restore = () => app.change("restore", { text }).then((answer) => answer && message.remove());
+  message.lastChild.before(button("Put the scene back", restore, { id: "restore", class: "restore" }));
+}
+
 function connected(is) {
   document.body.classList.toggle("offline", !is);
   if (is) {
     ask("state").then((state) => {
       app.take(state);
-      if (isAnnounced) say("The program answers again.");
-      isAnnounced = false;
+      if (announced) say("The program answers again.");
+      announced?.remove();
+      announced = null;
+      offerUnsaved();
     }, (error) => say(error.message, true));
   } else if (app.latest.has("over")) {
-    if (!isAnnounced) say("The run is over.");
-    isAnnounced = true;
-  } else if (!isAnnounced) {
-    isAnnounced = true;
-    say("The program does not answer; see whether it still runs.", true);
+    announced ??= say("The run is over.");
+  } else if (!announced) {
+    if (app.state && !app.state.is_saved && app.state.undo !== null) unsaved = app.state.text;
+    announced = say("The program does not answer; see whether it still runs.", true);
   }
 }
 

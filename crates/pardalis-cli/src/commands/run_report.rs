@@ -25,7 +25,7 @@ pub(crate) fn never_found(run: &Run) -> impl Iterator<Item = (usize, &str)> {
 }
 
 /// Returns the estimated radii of a target.
-fn radii(run: &Run, number: usize) -> Vec<EstimatedRadius<'_>> {
+pub(crate) fn radii(run: &Run, number: usize) -> Vec<EstimatedRadius<'_>> {
     // The number is that of a target of this tracker.
     EstimatedRadius::of(&run.open.scene, &run.open.tracker, number).unwrap_or_default()
 }

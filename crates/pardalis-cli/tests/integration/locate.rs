@@ -203,7 +203,7 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
             "--starts starts.csv --object cat",
             "nothing is named \"cat\"; select one of these with --object: ball, cup",
         ),
-        ("--starts none.csv", "none.csv: No such file"),
+        ("--starts none.csv", "none.csv: there is no such file"),
         (
             "--clicks starts.csv",
             "starts.csv, line 1: column \"u_px\" is missing",
@@ -469,7 +469,7 @@ fn unusable_tracks_are_rejected_as_starts() {
     fs::remove_file(place.path("other/tracks.csv")).unwrap();
     place
         .track(from_track(1, ""))
-        .refused(&[place_in_scene, "other/tracks.csv: No such file"]);
+        .refused(&[place_in_scene, "other/tracks.csv: there is no such file"]);
 }
 
 /// Returns the scene with a second camera, a millimetre beside the first, with the same images.

@@ -39,6 +39,8 @@ mod rig;
 mod send;
 mod simulate;
 mod smooth;
+#[cfg(feature = "studio")]
+mod studio;
 mod track;
 mod track_plane;
 mod turning;

@@ -30,7 +30,8 @@ class Studio:
     def __init__(self, browser, folder, *arguments, command="studio", **context):
         self.folder = folder
         self.log = open(folder / "program.log", "w+")
-        self.process = subprocess.Popen([PROGRAM, command, *arguments], cwd=folder, stdout=self.log, stderr=self.log)
+        self.command = [PROGRAM, command, *arguments]
+        self.start()
         self.address = self.wait_for(r"Open (http://\S+) ")
         self.errors = []
         self.foreign = []
@@ -41,6 +42,9 @@ class Studio:
         self.page.on("console", lambda message: message.type == "error" and self.errors.append(message.text))
         self.page.on("request", lambda request: self.is_own(request.url) or self.foreign.append(request.url))
         self.page.goto(self.address)
+
+    def start(self):
+        self.process = subprocess.Popen(self.command, cwd=self.folder, stdout=self.log, stderr=self.log)
 
     def wait_for(self, pattern):
         for _ in range(300):
@@ -126,30 +130,54 @@ def figure(report, name):
     return float(line[0].split()[-1])
 
 
-@pytest.fixture
-def streams(tmp_path):
-    """Starts one ffmpeg that streams its inputs in real time, again and again, and returns their addresses. Give the options of each input up to its file."""
-    assert shutil.which("ffmpeg"), "these tests need ffmpeg; install it"
-    started = []
+def frames_of(folder):
+    """Returns the options of ffmpeg for the frames of a bundled sequence."""
+    return "-framerate", "25", "-i", DATA / folder / "%06d.jpg"
 
-    def start(*inputs):
-        command, addresses = ["ffmpeg", "-nostdin"], []
+
+class Streams:
+    """Inputs that one ffmpeg streams in real time, again and again, as network cameras do. Give the options of each input up to its file."""
+
+    def __init__(self, inputs, log):
+        self.log = log
+        self.command, self.addresses = ["ffmpeg", "-nostdin"], []
         begin = 0
         for end in [place + 2 for place, option in enumerate(inputs) if option == "-i"]:
-            command += ["-re", "-stream_loop", "-1", *map(str, inputs[begin:end])]
+            self.command += ["-re", "-stream_loop", "-1", *map(str, inputs[begin:end])]
             begin = end
         for number in range(inputs.count("-i")):
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
                 free.bind(("127.0.0.1", 0))
                 port = free.getsockname()[1]
-            addresses.append(f"udp://127.0.0.1:{port}")
+            self.addresses.append(f"udp://127.0.0.1:{port}")
             encoded = ["-c:v", "mpeg2video", "-q:v", "2", "-g", "5", "-f", "mpegts"]
-            command += ["-map", f"{number}:v", *encoded, f"{addresses[-1]}?pkt_size=1316"]
-        with open(tmp_path / "ffmpeg.log", "w") as log:
-            started.append(subprocess.Popen(command, stdout=log, stderr=log))
-        return addresses
+            self.command += ["-map", f"{number}:v", *encoded, f"{self.addresses[-1]}?pkt_size=1316"]
+        self.start()
+
+    @property
+    def address(self):
+        (address,) = self.addresses
+        return address
+
+    def start(self):
+        with open(self.log, "w") as log:
+            self.process = subprocess.Popen(self.command, stdout=log, stderr=log)
+
+    def stop(self):
+        self.process.kill()
+        self.process.wait()
+
+
+@pytest.fixture
+def streams(tmp_path_factory):
+    """Starts streams."""
+    assert shutil.which("ffmpeg"), "these tests need ffmpeg; install it"
+    started = []
+
+    def start(*inputs):
+        started.append(Streams(inputs, tmp_path_factory.mktemp("streams") / "ffmpeg.log"))
+        return started[-1]
 
     yield start
-    for process in started:
-        process.kill()
-        process.wait()
+    for one in started:
+        one.stop()

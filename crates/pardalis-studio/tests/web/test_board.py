@@ -84,7 +84,7 @@ def test_a_board_before_a_live_camera_is_collected_while_the_picture_goes_on(stu
         shutil.copy(picture, tmp_path / f"{number:02}.jpg")
     film = ["-framerate", "1.2", "-i", tmp_path / "%02d.jpg", "-vf", "fps=25", "-c:v", "ffv1", tmp_path / "film.mkv"]
     subprocess.run(["ffmpeg", "-nostdin", "-v", "error", *film], check=True)
-    (address,) = streams("-i", tmp_path / "film.mkv")
+    address = streams("-i", tmp_path / "film.mkv").address
     one = studio()
     page = one.page
     page.fill("#address", address)

@@ -4,15 +4,24 @@
 """
 
 import csv
+import json
+import os
 import re
 import shutil
+import subprocess
+import time
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import expect
-from studio_fixtures import DATA, figure, run, truth_of, until
+from studio_fixtures import DATA, figure, frames_of, run, truth_of, until
+
+# Where the pictures of the guide go (see scripts/studio-pictures); nowhere in tests.
+PICTURES = os.environ.get("PICTURES")
 
 
-def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path):
+@pytest.mark.parametrize("frames", [[3, 67, 107], [20, 60, 80], [5, 55, 90]])
+def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path, frames):
     sequence = DATA / "dioptric-jump"
     shutil.copytree(sequence / "frames", tmp_path / "frames")
     shutil.copy(sequence / "camera.json", tmp_path / "lens.json")
@@ -31,9 +40,10 @@ def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path):
     page.click("#add-target")
     expect(page.locator("#panel .hint")).to_contain_text("Click ball in the picture")
     truth = truth_of("dioptric-jump")
-    for number, frame in enumerate([0, 40, 100]):
+    for number, frame in enumerate(frames):
         one.show("camera", frame)
-        pixel = [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])]
+        # A few pixels beside the middle of the ball, whose radius is 5 to 10 pixels.
+        pixel = [float(truth[frame]["u_px"]) + 2.5, float(truth[frame]["v_px"]) - 2]
         page.mouse.click(*one.at("camera", pixel, (640, 480)))
         expect(page.locator("#labels li")).to_have_count(number + 1)
     page.check("#marked")
@@ -56,8 +66,10 @@ def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path):
     assert (tmp_path / "again/tracks.csv").read_bytes() == shown
     report = run("evaluate", "again", str(sequence), folder=tmp_path)
     assert figure(report, "with an estimate") == 110
-    # With the colours that come with the sequence it is 60 mm; the ball is 1.8 to 3.9 m away, and its diameter 220 mm.
-    assert figure(report, "root mean square") < 110
+    # The bounds of experiments/edge for the colours that come with the sequence, plus 20 %. The ball is 1.8 to 3.9 m away, and its diameter 220 mm.
+    assert figure(report, "root mean square") < 90
+    near = run("evaluate", "again", str(sequence), "--to", "2.02", folder=tmp_path)
+    assert figure(near, "root mean square") < 48
     # The 3D view has the numbers of the rows.
     page.click("#show-viewer")
     last = list(csv.DictReader(open(tmp_path / "again/tracks.csv")))[-1]
@@ -92,7 +104,7 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
     page.keyboard.press("Alt+5")
     page.fill("#diameter-ball", "30")
     page.keyboard.press("Enter")
-    expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius 0.15 m"))
+    expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius_m 0.15 for ball"))
     texts.append(one.ask("state")["text"])
     assert "radius_m = 0.15" in texts[1]
     # Undone outside of fields, where it would undo typing.
@@ -126,7 +138,10 @@ def test_mistakes_are_refused_with_their_remedy_and_change_nothing(studio, tmp_p
         "set_calibration": ({"camera": "camera", "file": "../secret.toml"}, "start it with the folder"),
         "set_fov": ({"camera": "camera", "fov_deg": 180}, "allowed: 1 to 170"),
         "add_target": ({"name": "a b"}, "allowed: 1 to 64 of the characters"),
-        "set_radius": ({"target": "ball", "radius_m": -1}, "targets.ball"),
+        "set_shape": ({"target": "ball", "kind": "sphere", "sizes": {"radius_m": -1}}, "targets.ball"),
+        "set_shape ": ({"target": "ball", "kind": "pyramid", "sizes": {"height_m": 1}}, "[targets.ball.shape.prism]"),
+        "set_shape  ": ({"target": "ball", "kind": "box", "sizes": {"size_m": [1, 2]}}, "targets.ball"),
+        "set_shape   ": ({"target": "none", "kind": "box", "sizes": {"size_m": [1, 2, 3]}}, "is not in the scene"),
         "label": ({"camera": "camera", "target": "none", "at_px": [1, 1]}, "is not in the scene"),
         "set_pose": ({"camera": "camera", "points": []}, "too few"),
         "set_pose_of_board": ({"camera": "camera", "board": str(tmp_path / "secret.toml")}, "describe the board in words"),
@@ -145,6 +160,85 @@ def test_mistakes_are_refused_with_their_remedy_and_change_nothing(studio, tmp_p
     expect(one.page.locator(".message.error")).to_contain_text("broken.yml")
     assert len(one.errors) == len(errors) + 1
     one.errors.clear()
+
+
+def shape_of(state, target):
+    """Returns the shape of a target as the scene has it."""
+    [shape] = [one["shape"] for one in state["targets"] if one["name"] == target]
+    return shape
+
+
+def test_targets_of_all_shapes_have_sizes_in_any_unit(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "frames")
+    one = studio("frames")
+    page = one.page
+    for name in ["ball", "crate"]:
+        one.ask("add_target", {"name": name})
+    texts = [one.ask("state")["text"]]
+    ball = shape_of(one.ask("state"), "ball")
+    one.step("targets")
+    shapes = {
+        "cylinder": ({"diameter": "30", "height": "0.5"}, "in", {"radius_m": 0.381, "height_m": 0.0127}),
+        "box": ({"length": "40", "width": "30", "height": "20"}, "cm", {"size_m": [0.4, 0.3, 0.2]}),
+        "prism": ({"width": "250", "height": "600"}, "mm", {"across_flats_m": 0.25, "height_m": 0.6}),
+        "disc": ({"diameter": "0.12", "height": "0.4"}, "m", {"radius_m": 0.06, "height_m": 0.4}),
+        "rectangle": ({"length": "30", "width": "20", "height": "0"}, "cm", {"size_m": [0.3, 0.2], "height_m": 0}),
+        "sphere": ({"diameter": "22"}, "cm", {"radius_m": 0.11}),
+    }
+    for kind, (sizes, unit, expected) in shapes.items():
+        page.select_option("#kind-crate", kind)
+        page.select_option("#unit-crate", unit)
+        for size, value in sizes.items():
+            page.fill(f"#{size}-crate", value)
+        page.click("#set-crate")
+        expect(page.locator("#undo")).to_have_attribute("title", re.compile(f"Undo: {kind}: .* for crate"))
+        state = one.ask("state")
+        assert shape_of(state, "crate") == {kind: expected}
+        assert shape_of(state, "ball") == ball
+        assert [problem for problem in state["problems"] if "shape" in problem["key"]] == []
+        texts.append(state["text"])
+        # What is shown is what was set.
+        for size, value in sizes.items():
+            expect(page.locator(f"#{size}-crate")).to_have_value(value)
+    # Every step can be undone.
+    for text in reversed(texts[:-1]):
+        page.click("#undo")
+        until(lambda: one.ask("state")["text"] == text)
+    # Of what is no ball a click gives no outline, but a box does.
+    page.select_option("#kind-crate", "box")
+    page.click("#set-crate")
+    one.step("colors")
+    page.select_option("#target", "crate")
+    expect(page.locator("#panel .hint")).to_contain_text("Drag a box closely around crate")
+    page.mouse.click(*middle_of(page, "camera", ORANGE))
+    expect(page.locator(".message.error")).to_contain_text("drag a box")
+    u, v = middle_of(page, "camera", ORANGE)
+    page.mouse.move(u - 12, v - 12)
+    page.mouse.down()
+    page.mouse.move(u + 12, v + 12, steps=3)
+    page.mouse.up()
+    expect(page.locator("#labels li")).to_have_count(1)
+    [crate] = [target for target in one.ask("state")["targets"] if target["name"] == "crate"]
+    assert len(crate["samples"][0]["outline_px"]) == 4
+    one.errors.clear()
+
+
+def test_a_size_that_the_cameras_contradict_is_shown_and_can_be_taken_over(studio, tmp_path):
+    scene = (ROOT / "experiments/edge/webcams-two.toml").read_text().replace("../../data", str(DATA))
+    (tmp_path / "scene.toml").write_text(scene.replace("radius_m = 0.035", "radius_m = 0.042"))
+    one = studio("scene.toml")
+    page = one.page
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("#report")).to_contain_text("tracked 160 frame")
+    one.step("targets")
+    expect(page.locator("#measured-ball")).to_contain_text("contradicts the scene")
+    page.click("#use-ball")
+    expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius_m"))
+    assert abs(shape_of(one.ask("state"), "ball")["sphere"]["radius_m"] - 0.035) < 0.0005
+    page.click("#unknown-ball")
+    expect(page.locator("#panel")).to_contain_text("Its size is unknown")
+    assert 'radius_m = "unknown"' in one.ask("state")["text"]
 
 
 def test_names_of_strangers_stay_texts(studio, tmp_path):
@@ -204,15 +298,12 @@ def test_the_pose_of_known_points_is_that_of_the_calibration(studio, tmp_path):
 
 @pytest.fixture
 def stream(streams):
-    """Streams a bundled sequence in real time, again and again."""
-    return streams("-framerate", "25", "-i", DATA / "dioptric-jump/frames/%06d.jpg")[0]
+    """The address of a camera that sees the thrown ball."""
+    return streams(*frames_of("dioptric-jump/frames")).address
 
 
 def test_a_live_camera_is_tracked_while_a_page_watches(studio, tmp_path, stream):
-    scene = (DATA / "dioptric-jump/scene.toml").read_text()
-    scene = scene.replace('images = "frames"\nfps = 25', f'video = "{stream}"')
-    scene = scene.replace("../colors", str(DATA / "colors"))
-    (tmp_path / "live.toml").write_text(scene)
+    live_scene(tmp_path, stream)
     one = studio("live.toml", "--watch", "--duration", "6", "-o", "out", command="track")
     page = one.page
     expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
@@ -234,6 +325,117 @@ def test_a_live_camera_is_tracked_while_a_page_watches(studio, tmp_path, stream)
     one.errors.clear()
 
 
+def live_scene(folder, address):
+    """Writes a scene of the thrown ball whose camera is a stream."""
+    scene = (DATA / "dioptric-jump/scene.toml").read_text()
+    scene = scene.replace('images = "frames"\nfps = 25', f'video = "{address}"')
+    scene = scene.replace("../colors", str(DATA / "colors"))
+    (folder / "live.toml").write_text(scene)
+
+
+def test_a_camera_that_goes_away_is_missed_and_comes_back(studio, tmp_path, streams):
+    stream = streams(*frames_of("dioptric-jump/frames"))
+    live_scene(tmp_path, stream.address)
+    one = studio("live.toml")
+    page = one.page
+    caption = page.locator("figcaption")
+    is_back = re.compile(r"\d\d\.\d per second")
+    # While its picture is shown.
+    expect(caption).to_contain_text(is_back)
+    stream.stop()
+    expect(caption).to_contain_text(re.compile(r"no image for \d+ s"))
+    stream.start()
+    expect(caption).to_contain_text(is_back)
+    # While it is tracked: the run goes on with the rows after the gap.
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    stream.stop()
+    expect(caption).to_contain_text(re.compile(r"no image for \d+ s"))
+    last = page.locator("#now .time").inner_text()
+    stream.start()
+    expect(caption).not_to_contain_text("no image")
+    expect(page.locator("#now .time")).not_to_have_text(last)
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+
+
+def test_a_camera_that_is_not_there_is_tried_until_it_is(studio, tmp_path):
+    """One whose program ends, unlike a silent one."""
+    server = socket.create_server(("127.0.0.1", 0))
+    port = server.getsockname()[1]
+    server.close()
+    live_scene(tmp_path, f"tcp://127.0.0.1:{port}")
+    one = studio("live.toml")
+    expect(one.page.locator("figcaption .bad")).to_contain_text(f"127.0.0.1:{port}")
+    source = ["-re", "-stream_loop", "-1", "-framerate", "25", "-i", str(DATA / "dioptric-jump/frames/%06d.jpg")]
+    encoded = ["-c:v", "mpeg2video", "-q:v", "2", "-g", "5", "-f", "mpegts", f"tcp://127.0.0.1:{port}?listen=1"]
+    camera = subprocess.Popen(["ffmpeg", "-nostdin", "-loglevel", "error", *source, *encoded], stdout=one.log, stderr=one.log)
+    try:
+        expect(one.page.locator("figcaption")).to_contain_text(re.compile(r"\d\d\.\d per second"))
+        expect(one.page.locator("figcaption .bad")).to_have_count(0)
+    finally:
+        camera.kill()
+        camera.wait()
+
+
+def test_a_program_that_is_started_anew_gets_back_what_was_not_saved(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "frames")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    one = studio("--port", str(port))
+    page = one.page
+    page.get_by_role("button", name="Add the images in frames").click()
+    one.step("colors")
+    page.click("#add-target")
+    expect(page.locator("#panel .hint")).to_contain_text("Click ball")
+    text = one.ask("state")["text"]
+    one.process.kill()
+    one.process.wait()
+    expect(page.locator(".message.error").last).to_contain_text("does not answer")
+    expect(page.locator("body")).to_have_class(re.compile("offline"))
+    # Nothing that is tried meanwhile is lost in silence, or shown as done.
+    page.click("#undo")
+    expect(page.locator(".message.error")).to_have_count(2)
+    expect(page.locator("#undo")).to_be_enabled()
+    one.start()
+    expect(page.locator("#restore")).to_be_visible()
+    expect(page.locator("body")).not_to_have_class(re.compile("offline"))
+    assert one.ask("state")["text"] != text
+    page.click("#restore")
+    expect(page.locator("#restore")).to_have_count(0)
+    assert one.ask("state")["text"] == text
+    expect(page.locator("#panel .hint")).to_contain_text("Click ball")
+    expect(page.locator("figure:not(.waits)")).to_be_visible()
+    page.click("#save")
+    expect(page.locator("#save")).to_be_disabled()
+    assert (tmp_path / "scene.toml").read_text() == text
+    # The browser lists the requests that nobody answered.
+    one.errors.clear()
+
+
+def test_a_tab_that_slept_shows_the_newest(studio, tmp_path, stream):
+    one = studio(stream)
+    page = one.page
+    caption = page.locator("figcaption")
+    expect(caption).to_contain_text(re.compile(r"of \d+ lost"))
+    session = one.context.new_cdp_session(page)
+
+    def frames():
+        return int(re.search(r"of (\d+) lost", caption.inner_text())[1])
+
+    before = frames()
+    session.send("Page.setWebLifecycleState", {"state": "frozen"})
+    time.sleep(4)
+    session.send("Page.setWebLifecycleState", {"state": "active"})
+    until(lambda: frames() > before + 90)
+    drawn = page.evaluate("document.querySelector('canvas').toDataURL()")
+    until(lambda: page.evaluate("document.querySelector('canvas').toDataURL()") != drawn)
+    assert page.locator(".message.error").count() == 0
+
+
 def test_a_live_stream_is_shown_learnt_tracked_and_stopped(studio, tmp_path, stream):
     shutil.copy(DATA / "dioptric-jump/camera.json", tmp_path / "lens.json")
     one = studio()
@@ -253,7 +455,7 @@ def test_a_live_stream_is_shown_learnt_tracked_and_stopped(studio, tmp_path, str
     held = page.evaluate("document.querySelector('canvas').toDataURL()")
     page.wait_for_timeout(500)
     assert page.evaluate("document.querySelector('canvas').toDataURL()") == held
-    page.mouse.click(*one.at("camera", orange_pixel(page), (640, 480)))
+    page.mouse.click(*middle_of(page, "camera", ORANGE))
     expect(page.locator("#labels li")).to_have_count(1)
     one.step("track")
     page.click("#start")
@@ -267,20 +469,154 @@ def test_a_live_stream_is_shown_learnt_tracked_and_stopped(studio, tmp_path, str
     expect(page.locator("figure .live")).to_be_visible()
 
 
-def orange_pixel(page):
-    """Returns the middle of the orange pixels of the picture, in pixels of the image."""
+# The least red, the most green, the least and the most blue; green and blue relative to red.
+ORANGE = [170, 0.7, 0, 0.4]
+PINK = [170, 0.45, 0.35, 1]
+
+
+def middle_of(page, camera, color):
+    """Returns where on the page the middle of the pixels of a colour in the picture of a camera is."""
     return page.evaluate(
-        """() => {
-            const canvas = document.querySelector("canvas");
+        """([camera, [red, green, leastBlue, mostBlue]]) => {
+            const canvas = document.querySelector(`[data-camera=${camera}] canvas`);
             const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
             const [us, vs] = [[], []];
             for (let i = 0; i < data.length; i += 4) {
-                if (data[i] > 170 && data[i + 1] < 0.7 * data[i] && data[i + 2] < 0.4 * data[i]) {
+                const [r, g, b] = data.subarray(i, i + 3);
+                if (r > red && g < green * r && b >= leastBlue * r && b < mostBlue * r) {
                     us.push((i / 4) % canvas.width);
                     vs.push(Math.floor(i / 4 / canvas.width));
                 }
             }
             const middle = (values) => values.sort((a, b) => a - b)[values.length >> 1];
-            return [us, vs].map((values) => middle(values) * 640 / canvas.width);
+            const box = canvas.getBoundingClientRect();
+            return [box.left + (middle(us) / canvas.width) * box.width, box.top + (middle(vs) / canvas.height) * box.height];
+        }""",
+        [camera, color],
+    )
+
+
+def test_two_live_cameras_become_a_scene_in_25_clicks(studio, tmp_path, streams):
+    """From an empty folder, with nothing but the mouse and what is typed into fields."""
+    sequence = DATA / "webcams-two"
+    cameras = json.loads((sequence / "cameras.json").read_text())["cameras"]
+    for camera in cameras:
+        (tmp_path / f"{camera['name']}.json").write_text(json.dumps(camera))
+    live = [streams(*frames_of(f"webcams-two/frames/{camera['name']}")) for camera in cameras]
+    one = studio()
+    page = one.page
+    page.evaluate(
+        """() => {
+            window.clicks = window.typed = 0;
+            addEventListener("pointerdown", () => (window.clicks += 1), true);
+            addEventListener("change", (event) => (window.typed += event.target.matches("input[type=text], input[type=number]")), true);
         }"""
     )
+    begun_s = time.monotonic()
+    # Sources: two addresses. The names of the cameras are those that the program gives.
+    for number, stream in enumerate(live):
+        page.click("#address")
+        page.keyboard.type(stream.address)
+        page.keyboard.press("Enter")
+        expect(page.locator("figure .live")).to_have_count(number + 1)
+    names = [camera["name"] for camera in one.ask("state")["cameras"]]
+    # Camera: a calibration each, with its pose.
+    one.step("camera")
+    # The one that was added last is shown.
+    for name, camera in reversed(list(zip(names, cameras))):
+        if name != names[-1]:
+            page.click(f"#tab-{name}")
+        page.get_by_role("button", name=f"{camera['name']}.json").click()
+        expect(page.locator("#panel .now")).to_contain_text(f"Calibrated: {camera['name']}.json")
+    expect(page.locator("#step-pose .number")).to_have_text("✓")
+    # Colours: the ball in held pictures of both.
+    one.step("colors")
+    page.click("#add-target")
+    for number, name in enumerate(names):
+        if number > 0:
+            page.click(f"#tab-{name}")
+        page.click(f"#play-{name}")
+        expect(page.locator(f"#play-{name}")).to_contain_text("Go on")
+        page.mouse.click(*middle_of(page, name, PINK))
+        expect(page.locator("#labels li")).to_have_count(number + 1)
+    # Targets: the diameter.
+    one.step("targets")
+    page.click("#diameter-ball", click_count=3)
+    page.keyboard.type("7")
+    page.keyboard.press("Enter")
+    expect(page.locator("#step-targets .number")).to_have_text("✓")
+    # Track, and save.
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    expect(page.locator("figure:not(.waits)")).to_have_count(2)
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+    page.click("#save-here")
+    expect(page.locator("#file")).to_have_text("scene.toml")
+    clicks, typed = page.evaluate("[window.clicks, window.typed]")
+    took_s = time.monotonic() - begun_s
+    assert clicks <= 25
+    # The saved scene over the files themselves, against the truth: the bound of experiments/edge plus 20 %.
+    scene = (tmp_path / "scene.toml").read_text()
+    for name, camera, stream in zip(names, cameras, live):
+        frames = sequence / "frames" / camera["name"]
+        assert f'video = "{stream.address}"' in scene
+        scene = scene.replace(f'video = "{stream.address}"', f'images = "{frames}"\nfps = 25')
+    (tmp_path / "recorded.toml").write_text(scene)
+    run("track", "recorded.toml", "-o", "recorded", folder=tmp_path)
+    report = run("evaluate", "recorded", str(sequence), "--from", "0.39", folder=tmp_path)
+    assert figure(report, "with an estimate") >= 149
+    error_mm = figure(report, "root mean square")
+    print(f"{clicks} clicks, {typed} fields, {took_s:.0f} s, {error_mm} mm")
+    assert error_mm < 0.96
+
+
+def test_every_step_can_be_pictured_for_the_guide(studio, tmp_path):
+    """Goes through the steps with the scene of the thrown ball, and writes pictures if PICTURES says where."""
+    folder = Path(PICTURES) if PICTURES else tmp_path
+    work = tmp_path / "hall"
+    work.mkdir()
+    shutil.copytree(DATA / "dioptric-jump/frames", work / "throw")
+    shutil.copy(DATA / "dioptric-jump/camera.json", work / "fisheye.json")
+    one = studio("throw", folder=work, color_scheme="light")
+    page = one.page
+    truth = truth_of("dioptric-jump")
+
+    def take(step):
+        expect(page.locator(f"#step-{step}")).to_have_attribute("aria-current", "step")
+        expect(page.locator("figure:not(.waits), #viewer canvas").first).to_be_visible()
+        expect(page.locator(".message")).to_have_count(0)
+        page.mouse.move(0, 0)
+        page.wait_for_timeout(300)
+        # Not where this test runs.
+        page.evaluate("document.querySelectorAll('.folder span').forEach((path) => (path.textContent = 'hall/'))")
+        picture = folder / f"studio-{step}.jpg"
+        page.screenshot(path=picture, type="jpeg", quality=75)
+        assert picture.stat().st_size < 120_000, step
+
+    one.show("camera", 40)
+    take("sources")
+    one.step("camera")
+    page.get_by_role("button", name="fisheye.json").click()
+    expect(page.locator("#panel .now")).to_contain_text("Calibrated")
+    take("camera")
+    one.step("pose")
+    expect(page.locator("#panel .now")).to_contain_text("lines of the grid")
+    take("pose")
+    one.step("colors")
+    page.click("#add-target")
+    for number, frame in enumerate([100, 5, 40]):
+        one.show("camera", frame)
+        page.mouse.click(*one.at("camera", [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])], (640, 480)))
+        expect(page.locator("#labels li")).to_have_count(number + 1)
+    take("colors")
+    one.step("targets")
+    page.fill("#diameter-ball", "22")
+    page.click("#set-ball")
+    expect(page.locator("#step-targets .number")).to_have_text("✓")
+    take("targets")
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("#report")).to_contain_text("tracked 110 frames")
+    take("track")

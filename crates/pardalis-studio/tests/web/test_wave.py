@@ -155,7 +155,7 @@ def test_what_is_missing_is_said_with_the_way_there(studio, desk):
 
 def test_live_cameras_are_calibrated_while_the_ball_is_waved(studio, desk, streams):
     frames = [SEQUENCE / f"frames/{name}/%06d.jpg" for name in truth()]
-    addresses = streams("-framerate", "25", "-i", frames[0], "-framerate", "25", "-i", frames[1])
+    addresses = streams("-framerate", "25", "-i", frames[0], "-framerate", "25", "-i", frames[1]).addresses
     text = scene({name: f'video = "{address}"' for name, address in zip(truth(), addresses)})
     (desk / "live.toml").write_text(text)
     one = studio("live.toml")

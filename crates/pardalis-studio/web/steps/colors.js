@@ -7,6 +7,9 @@ import { drawOutline, drawText } from "../picture.js";
 let isMarked = false;
 let asked = null;
 
+/** Reports whether the outline at a click can be fitted. */
+const isBall = ({ shape }) => !shape || "sphere" in shape;
+
 /** Asks for what has the colours of the target in the frame that is shown. */
 async function mark(app) {
   const target = app.state.targets.find(({ name }) => name === app.target);
@@ -36,8 +39,9 @@ export const colors = {
     const target = app.state.targets.find(({ name }) => name === app.target);
     if (!app.camera) return "Add a camera first.";
     if (!target) return "Give the object a name first.";
-    if (!target.samples.length) return target.has_colors ? "The colours are known." : `Click ${target.name} in the picture, or drag a box around it.`;
-    return "The white line is the outline that was found. Go to frames with other light or distance, and click there, too: three or four are enough.";
+    if (!target.samples.length) return target.has_colors ? "The colours are known." : isBall(target) ? `Click ${target.name} in the picture, or drag a box around it.` : `Drag a box closely around ${target.name}.`;
+    const again = isBall(target) ? "click there, too" : "drag a box there, too";
+    return `The white line is the outline that was found. Go to frames with other light or distance, and ${again}: three or four are enough.`;
   },
   picture: (app, name) => ({
     help: "Arrows move a cross, Enter points at the object, B begins and ends a box.",

@@ -22,7 +22,10 @@ async function list(app, folder = null) {
 
 async function add(app, input, fps = null) {
   const answer = await app.change("add_source", { input, fps });
-  if (answer) app.select("camera", answer.cameras.at(-1).name);
+  if (!answer) return;
+  // An address that was refused stays to be corrected.
+  document.getElementById("address").value = "";
+  app.select("camera", answer.cameras.at(-1).name);
 }
 
 const SYMBOLS = { folder: "▸", video: "▶", image: "▣", recording: "●" };

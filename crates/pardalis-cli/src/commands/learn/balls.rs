@@ -66,7 +66,7 @@ pub(super) fn labelled_balls(is_target: &[bool], width: usize) -> Vec<Circle> {
 }
 
 /// Returns the pixels of each connected part.
-fn parts(is_target: &[bool], width: usize) -> Vec<Vec<(usize, usize)>> {
+pub(super) fn parts(is_target: &[bool], width: usize) -> Vec<Vec<(usize, usize)>> {
     let mut is_left = is_target.to_vec();
     let mut parts = Vec::new();
     for first in 0..is_left.len() {

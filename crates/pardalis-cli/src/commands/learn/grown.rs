@@ -4,19 +4,24 @@ use std::collections::VecDeque;
 
 use pardalis::Frame;
 
-use super::balls::{Circle, circle_of};
+use super::balls::{Circle, circle_of, parts};
 
 /// Half the side of the square whose mean colour is that of the region, pixels.
 const SEED_PX: usize = 2;
 /// Differences of colour up to which the region grows, in steps: of chroma plus a part of those of brightness, each from 0 to 255. Hand-set: noise has
 /// 4, a ball and its surroundings differ by 30 and more.
-const LEVELS: [f32; 14] = [
-    6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 31.0, 38.0, 47.0, 58.0, 70.0, 85.0, 100.0,
+const LEVELS: [f32; 27] = [
+    6.0, 7.0, 8.0, 9.0, 10.0, 11.5, 13.0, 14.5, 16.0, 18.0, 20.0, 22.5, 25.0, 28.0, 31.0, 34.0,
+    38.0, 42.0, 47.0, 52.0, 58.0, 64.0, 70.0, 77.0, 85.0, 92.0, 100.0,
 ];
+/// The growth of a region is that from so many levels before to so many after it.
+const GROWTH_LEVELS: usize = 2;
 /// The weight of differences of brightness, which light and shade change. Hand-set.
 const BRIGHTNESS_WEIGHT: f32 = 0.3;
 /// The smallest region, in pixels. Hand-set: as small as a ball can be detected.
 const MIN_PX: usize = 12;
+/// Half the width of arms that are cut off a region, such as bridges to what has a similar colour, as a share of its radius. Hand-set.
+const ARM_RADII: f64 = 0.15;
 /// The largest region, as a share of the image. Hand-set.
 const MAX_SHARE: f64 = 0.4;
 
@@ -34,18 +39,17 @@ pub(super) fn round_region(frame: &Frame, [u, v]: [f64; 2]) -> Option<Circle> {
         if part.len() as f64 > MAX_SHARE * (width * height) as f64 {
             break;
         }
-        regions.push(without_holes(&part));
+        regions.push(without_arms(&without_holes(&part)));
     }
-    let growth = |number: usize| {
-        let before = regions[number.saturating_sub(1)].len() as f64;
-        let after = regions.get(number + 1).unwrap_or(&regions[number]).len() as f64;
-        (after - before) / regions[number].len() as f64
-    };
-    let round = regions
-        .iter()
-        .enumerate()
-        .filter(|(_, part)| part.len() >= MIN_PX);
-    let round = round.filter_map(|(number, part)| Some((growth(number), circle_of(part)?)));
+    // Of the first and the last ones, how much they grow is not known.
+    let known = GROWTH_LEVELS..regions.len().saturating_sub(GROWTH_LEVELS);
+    let round = known.filter_map(|number| {
+        let part = &regions[number];
+        let pixels = |number: usize| regions[number].len() as f64;
+        let grown = pixels(number + GROWTH_LEVELS) - pixels(number - GROWTH_LEVELS);
+        let circle = circle_of(part).filter(|_| part.len() >= MIN_PX)?;
+        Some((grown / pixels(number), circle))
+    });
     let steadiest = round.min_by(|a, b| a.0.total_cmp(&b.0));
     steadiest.map(|(_, circle)| circle)
 }
@@ -109,35 +113,101 @@ fn part_around(
     part
 }
 
+/// A part as a picture of its own.
+struct Window {
+    /// The column and row of its first pixel. Beyond the part, it has a margin of one pixel on all sides.
+    first: (usize, usize),
+    size: (usize, usize),
+    is_in: Vec<bool>,
+}
+
+impl Window {
+    fn of(part: &[(usize, usize)]) -> Self {
+        let (columns, rows) = (part.iter().map(|p| p.0), part.iter().map(|p| p.1));
+        let left = columns.clone().min().unwrap_or(0);
+        let top = rows.clone().min().unwrap_or(0);
+        let width = columns.max().unwrap_or(0) - left + 3;
+        let height = rows.max().unwrap_or(0) - top + 3;
+        let mut is_in = vec![false; width * height];
+        for (x, y) in part {
+            is_in[(y - top + 1) * width + x - left + 1] = true;
+        }
+        Self {
+            first: (left, top),
+            size: (width, height),
+            is_in,
+        }
+    }
+
+    /// Returns the pixels that are in, in the image.
+    fn part(&self) -> Vec<(usize, usize)> {
+        let inside = (0..self.is_in.len()).filter(|&index| self.is_in[index]);
+        let (width, (left, top)) = (self.size.0, self.first);
+        inside
+            .map(|index| (index % width + left - 1, index / width + top - 1))
+            .collect()
+    }
+
+    /// Takes a layer of pixels off the outline, or adds one. Layers of diamonds and squares take turns, which makes octagons of points.
+    fn change_layer(&mut self, number: usize, is_added: bool) {
+        let (width, height) = self.size;
+        let before = self.is_in.clone();
+        for y in 1..height - 1 {
+            for x in 1..width - 1 {
+                let around = (y - 1..y + 2).flat_map(|v| (x - 1..x + 2).map(move |u| (u, v)));
+                let near = around.filter(|(u, v)| number.is_multiple_of(2) || *u == x || *v == y);
+                let mut near = near.map(|(u, v)| before[v * width + u]);
+                if near.any(|is_in| is_in == is_added) {
+                    self.is_in[y * width + x] = is_added;
+                }
+            }
+        }
+    }
+}
+
 /// Returns the pixels of a part and those that it encloses, such as highlights.
 fn without_holes(part: &[(usize, usize)]) -> Vec<(usize, usize)> {
-    let (columns, rows) = (part.iter().map(|p| p.0), part.iter().map(|p| p.1));
-    let (left, top) = (
-        columns.clone().min().unwrap_or(0),
-        rows.clone().min().unwrap_or(0),
-    );
-    // With a margin of one pixel on all sides, which is outside.
-    let width = columns.max().unwrap_or(0) - left + 3;
-    let height = rows.max().unwrap_or(0) - top + 3;
-    let mut is_other = vec![true; width * height];
-    for (x, y) in part {
-        is_other[(y - top + 1) * width + x - left + 1] = false;
-    }
+    let mut window = Window::of(part);
+    let mut is_other: Vec<bool> = window.is_in.iter().map(|is_in| !is_in).collect();
+    let width = window.size.0;
     let mut next = vec![(0, 0)];
     is_other[0] = false;
-    let mut is_outside = vec![false; width * height];
+    window.is_in.fill(true);
     while let Some((x, y)) = next.pop() {
-        is_outside[y * width + x] = true;
-        for (x, y) in neighbours((x, y), (width, height)) {
+        window.is_in[y * width + x] = false;
+        for (x, y) in neighbours((x, y), window.size) {
             if std::mem::take(&mut is_other[y * width + x]) {
                 next.push((x, y));
             }
         }
     }
-    let inside = (0..width * height).filter(|&index| !is_outside[index]);
-    inside
-        .map(|index| (index % width + left - 1, index / width + top - 1))
-        .collect()
+    window.part()
+}
+
+/// Returns the main body of a part, without arms.
+fn without_arms(part: &[(usize, usize)]) -> Vec<(usize, usize)> {
+    let layers = (ARM_RADII * (part.len() as f64 / std::f64::consts::PI).sqrt()) as usize;
+    let mut window = Window::of(part);
+    let whole = window.is_in.clone();
+    for layer in 0..layers {
+        window.change_layer(layer, false);
+    }
+    let width = window.size.0;
+    let bodies = parts(&window.is_in, width);
+    let Some(main) = bodies.iter().max_by_key(|body| body.len()) else {
+        return part.to_vec();
+    };
+    window.is_in.fill(false);
+    for (x, y) in main {
+        window.is_in[y * width + x] = true;
+    }
+    for layer in (0..layers).rev() {
+        window.change_layer(layer, true);
+    }
+    for (is_in, was_in) in window.is_in.iter_mut().zip(whole) {
+        *is_in &= was_in;
+    }
+    window.part()
 }
 
 fn neighbours(
@@ -197,6 +267,22 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn what_touches_a_ball_and_has_a_similar_colour_is_cut_off() {
+        let frame = ball([80.0, 60.0, 20.0], [240.0, 120.0, 20.0]);
+        let mut rgb = frame.to_rgb8();
+        for (x, y) in (95..150).flat_map(|x| (58..62).map(move |y| (x, y))) {
+            rgb[3 * (y * 160 + x)..][..3].copy_from_slice(&[190, 95, 20]);
+        }
+        let frame = Frame::from_rgb(160, 120, rgb, 0.0).unwrap();
+        let found = round_region(&frame, [80.0, 60.0]).unwrap();
+        let off = (found.center_px[0] - 80.0).hypot(found.center_px[1] - 60.0);
+        assert!(
+            off < 1.5 && (found.radius_px - 20.0).abs() < 1.5,
+            "{found:?}"
+        );
     }
 
     #[test]

@@ -10,7 +10,8 @@ use super::board::{BoardOf, ModelOf};
 use super::pose::{KnownPoints, OfCamera, OnFloor};
 use super::rig::{RigOf, RigStop};
 use super::session::Session;
-use super::steps::{Calibrated, Guessed, Label, NewTarget, Radius};
+use super::steps::{Calibrated, Guessed, Label};
+use super::targets::{NewTarget, Shaped};
 use crate::commands::devices;
 use crate::user_error::user_error;
 
@@ -44,6 +45,12 @@ struct Shown {
 struct Removed {
     kind: String,
     name: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Restored {
+    text: String,
 }
 
 #[derive(Deserialize)]
@@ -121,7 +128,7 @@ impl Session {
             "find_rectangle" => return self.find_rectangle(&read::<OfCamera>(value)?),
             "grid" => return self.grid(&read::<OfCamera>(value)?),
             "add_target" => self.add_target(&read::<NewTarget>(value)?)?,
-            "set_radius" => self.set_radius(&read::<Radius>(value)?)?,
+            "set_shape" => self.set_shape(&read::<Shaped>(value)?)?,
             "label" => self.label(&read::<Label>(value)?)?,
             "unlabel" => {
                 let label: Unlabelled = read(value)?;
@@ -150,6 +157,7 @@ impl Session {
                 self.inner().project.redo()?;
                 self.changed();
             }
+            "restore" => self.restore(&read::<Restored>(value)?.text)?,
             "save" => {
                 read::<Nothing>(value)?;
                 self.inner().project.save()?;

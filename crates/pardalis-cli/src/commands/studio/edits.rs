@@ -71,6 +71,32 @@ pub(super) fn with_value(text: &str, path: &[&str], value: impl Into<Value>) -> 
     Ok(with_guesses(&document.to_string()))
 }
 
+/// Returns the text with these sizes of a target's shape. What else is said of the shape stays, unless it was another one.
+pub(super) fn with_shape(
+    text: &str,
+    target: &str,
+    kind: &str,
+    sizes: &[(&str, Value)],
+) -> Result<String> {
+    let mut document = parsed(text)?;
+    let table = document
+        .get_mut("targets")
+        .and_then(|targets| targets.get_mut(target)?.as_table_like_mut())
+        .ok_or_else(|| user_error!("targets.{target}: is not in the scene; add it first"))?;
+    let is_same = table
+        .get("shape")
+        .is_some_and(|shape| shape.get(kind).is_some());
+    if !is_same {
+        table.remove("shape");
+    }
+    let mut text = document.to_string();
+    for (key, size) in sizes {
+        let path = ["targets", target, "shape", kind, key];
+        text = with_value(&text, &path, size.clone())?;
+    }
+    Ok(text)
+}
+
 /// Returns the text with the lens of the camera in `camera`, the text of a table `[cameras.NAME]`, in place of that of the scene's camera of this
 /// name. Its pose takes the place of a guess.
 pub(super) fn with_lens(text: &str, name: &str, camera: &str) -> Result<String> {
@@ -250,5 +276,38 @@ colors = \"ball.colors.toml\"  # orange
             kept.contains("f_px = [700.0, 700.0]") && !kept.contains("500"),
             "{kept}"
         );
+    }
+
+    #[test]
+    fn shapes_keep_what_is_said_of_them_until_they_become_others() {
+        let forms = [
+            "[targets.ball]\nshape.sphere.radius_m = 0.1  # CHANGE: the ball's radius\nshape.sphere.radius_tolerance = 0.05\ncolors = \"a.toml\"\n",
+            "[targets.ball]\nshape = { sphere = { radius_m = 0.1, radius_tolerance = 0.05 } }\ncolors = \"a.toml\"\n",
+            "[targets.ball]\ncolors = \"a.toml\"\n\n[targets.ball.shape.sphere]\nradius_m = 0.1\nradius_tolerance = 0.05\n",
+        ];
+        for form in forms {
+            let read = |text: &str| {
+                let table: toml::Table = text.parse().unwrap();
+                let target = &table["targets"]["ball"];
+                assert_eq!(target["colors"].as_str(), Some("a.toml"), "{text}");
+                target["shape"].clone()
+            };
+            let same = with_shape(form, "ball", "sphere", &[("radius_m", 0.2.into())]).unwrap();
+            let sphere = read(&same)["sphere"].clone();
+            assert_eq!(sphere["radius_m"].as_float(), Some(0.2), "{same}");
+            assert_eq!(sphere["radius_tolerance"].as_float(), Some(0.05), "{same}");
+            assert!(!same.contains("CHANGE"), "{same}");
+            let sizes: Array = [0.3, 0.2, 0.1].into_iter().collect();
+            let other = with_shape(&same, "ball", "box", &[("size_m", sizes.into())]).unwrap();
+            let shape = read(&other);
+            assert_eq!(shape.as_table().unwrap().len(), 1, "{other}");
+            assert_eq!(
+                shape["box"]["size_m"].as_array().unwrap().len(),
+                3,
+                "{other}"
+            );
+        }
+        let error = with_shape(forms[0], "none", "box", &[]).unwrap_err();
+        assert!(error.to_string().contains("is not in the scene"), "{error}");
     }
 }

@@ -31,6 +31,8 @@ mod state;
 #[cfg(feature = "studio")]
 mod steps;
 #[cfg(feature = "studio")]
+mod targets;
+#[cfg(feature = "studio")]
 mod waved;
 
 use std::net::IpAddr;
@@ -66,7 +68,7 @@ pub(crate) struct Arguments {
     ///
     /// Every request then needs the token in the address that is printed. The connection is not encrypted: use it in networks that you trust, or
     /// through a tunnel (ssh -L).
-    #[arg(long, value_name = "ADDRESS")]
+    #[arg(long, value_name = "ADDRESS", value_parser = listened)]
     listen: Option<IpAddr>,
 }
 
@@ -90,6 +92,13 @@ pub(crate) struct WatchOptions {
     /// Serves the page to other computers, too: an address of this computer, or 0.0.0.0 for all
     ///
     /// Every request then needs the token in the address that is printed. The connection is not encrypted.
-    #[arg(long, value_name = "ADDRESS", requires = "watch")]
+    #[arg(long, value_name = "ADDRESS", value_parser = listened, requires = "watch")]
     listen: Option<IpAddr>,
+}
+
+/// Reads an address at which the page is served.
+fn listened(text: &str) -> Result<IpAddr, &'static str> {
+    text.parse().map_err(|_| {
+        "allowed: an address of this computer in numbers, such as 192.168.1.7, or 0.0.0.0 for all of them; leave the option out for this computer alone"
+    })
 }

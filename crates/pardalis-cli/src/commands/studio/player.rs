@@ -25,6 +25,10 @@ const TOLD_S: f64 = 0.5;
 const MAX_PAUSE_S: f64 = 1.0;
 /// How often waits look for new orders.
 const POLL: Duration = Duration::from_millis(3);
+/// How long a live camera that has failed is left alone before it is opened again.
+const RETRY: Duration = Duration::from_secs(2);
+/// A live camera that gives no frame for so long, in seconds, is said to be silent. Hand-set: webcams in the dark give five frames per second.
+const SILENT_S: f64 = 1.5;
 /// A frame was lost if the time since the one before is longer than this multiple of the usual one. Hand-set.
 const LOST_INTERVALS: f64 = 1.6;
 
@@ -33,7 +37,7 @@ const LOST_INTERVALS: f64 = 1.6;
 pub(super) struct Player {
     shared: Arc<Shared>,
     /// The settings of its source, by which changes are recognised.
-    settings: String,
+    config: SourceConfig,
     is_live: bool,
     thread: Option<JoinHandle<()>>,
 }
@@ -46,6 +50,11 @@ struct Shared {
     orders: Mutex<Orders>,
     ordered: Condvar,
     seen: Mutex<Seen>,
+}
+
+/// Reports whether two sources have the same settings.
+pub(super) fn shows_same(a: &SourceConfig, b: &SourceConfig) -> bool {
+    format!("{a:?}") == format!("{b:?}")
 }
 
 /// What the page wants to see.
@@ -89,23 +98,24 @@ impl Player {
         if let Some(source) = &open {
             shared.see(source);
         }
-        let settings = format!("{config:?}");
         let thread = std::thread::Builder::new()
             .name(format!("player of {camera}"))
             .spawn({
-                let shared = Arc::clone(&shared);
+                let (shared, config) = (Arc::clone(&shared), config.clone());
                 move || {
-                    if let Err(error) = shared.play(&config, open) {
-                        shared.seen().error = Some(format!("{error:#}"));
-                        shared.tell(&Statistics::default());
-                        shared.feed.show("changed", &json!(shared.camera));
+                    let mut open = open;
+                    while let Err(error) = shared.play(&config, open.take()) {
+                        shared.fail(format!("{error:#}"));
+                        if !is_live || shared.is_stopped_after(RETRY) {
+                            break;
+                        }
                     }
                 }
             })
             .context("no further thread can be started; use fewer cameras")?;
         Ok(Self {
             shared,
-            settings,
+            config,
             is_live,
             thread: Some(thread),
         })
@@ -113,7 +123,7 @@ impl Player {
 
     /// Reports whether it shows this source.
     pub(super) fn shows(&self, config: &SourceConfig) -> bool {
-        self.settings == format!("{config:?}")
+        shows_same(&self.config, config)
     }
 
     pub(super) fn is_live(&self) -> bool {
@@ -162,7 +172,9 @@ impl Drop for Player {
     fn drop(&mut self) {
         self.shared.stop.request();
         self.shared.ordered.notify_all();
-        if let Some(thread) = self.thread.take() {
+        // A camera that has failed is free, and opening it again can take long.
+        let has_failed = self.shared.seen().error.is_some();
+        if let Some(thread) = self.thread.take().filter(|_| !has_failed) {
             // The camera is free once the thread has ended; a panic has been reported.
             let _ = thread.join();
         }
@@ -229,12 +241,31 @@ impl Shared {
         seen.frame_count = source.frame_count();
     }
 
+    /// Says why there is no picture.
+    fn fail(&self, error: String) {
+        let before = self.seen().error.replace(error);
+        self.tell(&Statistics::default(), None);
+        if before.is_none() {
+            self.feed.show("changed", &json!(self.camera));
+        }
+    }
+
+    /// Waits for so long, or until the player is stopped. Reports whether it is.
+    fn is_stopped_after(&self, time: Duration) -> bool {
+        let watch = Stopwatch::start();
+        while watch.elapsed_s() < time.as_secs_f64() && !self.stop.is_requested() {
+            std::thread::sleep(POLL);
+        }
+        self.stop.is_requested()
+    }
+
     fn play(&self, config: &SourceConfig, open: Option<Source>) -> Result<()> {
         let source = match open {
             Some(source) => source,
             None => Source::open(config)?,
         };
         self.see(&source);
+        self.seen().error = None;
         self.feed.show("changed", &json!(self.camera));
         if source.is_live() {
             self.play_live(source)
@@ -248,6 +279,7 @@ impl Shared {
     fn play_live(&self, mut source: Source) -> Result<()> {
         let mut statistics = Statistics::default();
         let mut next_s = now_s();
+        let mut arrived = Stopwatch::start();
         loop {
             if self.stop.is_requested() {
                 return Ok(());
@@ -258,6 +290,7 @@ impl Shared {
                 Poll::Ready(Some(Err(error))) => return Err(error),
                 Poll::Ready(Some(Ok(Delivery::Broken(_)))) => statistics.broken += 1,
                 Poll::Ready(Some(Ok(Delivery::Frame { frame, arrival_s }))) => {
+                    arrived = Stopwatch::start();
                     statistics.add(frame.time_s(), arrival_s);
                     let is_due = now_s() >= next_s && self.orders().is_playing;
                     if is_due {
@@ -270,7 +303,8 @@ impl Shared {
             }
             if now_s() > statistics.told_s + TOLD_S {
                 statistics.told_s = now_s();
-                self.tell(&statistics);
+                let silent_s = Some(arrived.elapsed_s()).filter(|silent_s| *silent_s > SILENT_S);
+                self.tell(&statistics, silent_s);
             }
         }
     }
@@ -309,7 +343,7 @@ impl Shared {
                 Some(Err(error)) => return Err(error),
                 None => self.orders().is_playing = false,
             }
-            self.tell(&statistics);
+            self.tell(&statistics, None);
         }
         Ok(())
     }
@@ -354,7 +388,8 @@ impl Shared {
         Ok(())
     }
 
-    fn tell(&self, statistics: &Statistics) {
+    /// Tells how the frames come, and for how many seconds none has come if a camera is silent.
+    fn tell(&self, statistics: &Statistics, silent_s: Option<f64>) {
         let seen = self.seen();
         let value = json!({
             "frame": seen.shown.as_ref().map(|(number, _)| number),
@@ -365,6 +400,7 @@ impl Shared {
             "frames": statistics.frames,
             "lost": statistics.lost,
             "broken": statistics.broken,
+            "silent_s": silent_s,
             "error": seen.error,
         });
         drop(seen);

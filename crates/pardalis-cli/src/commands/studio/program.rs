@@ -65,44 +65,28 @@ fn serve(
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let is_scene = |input: &&String| {
-        let path = Path::new(input);
-        path.extension().is_some_and(|ending| ending == "toml") && media_kind(path).is_none()
-    };
-    let scenes: Vec<&String> = arguments.inputs.iter().filter(is_scene).collect();
-    let given = match scenes[..] {
-        [] => None,
-        [scene] => Some(PathBuf::from(scene)),
-        [_, second, ..] => {
-            return Err(user_error!("{second}: is a second scene; give one"));
-        }
-    };
-    if let Some(scene) = given.as_ref().filter(|scene| !scene.exists()) {
-        return Err(user_error!(
-            "{}: there is no such file; check the name, or give -o {} to begin it",
-            scene.shown(),
-            scene.shown()
-        ));
-    }
-    let path = arguments.output.clone().or_else(|| given.clone());
-    let path = path.unwrap_or_else(|| PathBuf::from("scene.toml"));
+    let Inputs {
+        given,
+        sources,
+        path,
+    } = Inputs::of(arguments)?;
     let mut project = Project::open(given.as_ref().unwrap_or(&path))?;
     project.rename(&path)?;
-    let sources: Vec<&String> = arguments
-        .inputs
-        .iter()
-        .filter(|input| !is_scene(input))
-        .collect();
     let mut places = vec![folder_of(&path)];
     places.extend(given.as_ref().map(|scene| folder_of(scene)));
     let is_file = |input: &&&String| !input.contains("://") && !input.starts_with("/dev/");
     places.extend(sources.iter().filter(is_file).map(PathBuf::from));
     let feed = Feed::default();
     let session = Session::new(project, Places::of(&places)?, feed.clone());
+    if given.is_some() {
+        session.warn_of_problems();
+    }
     for source in sources {
         session.add_source(source, None)?;
     }
     session.follow();
+    // What the command line added is added by it again.
+    let began = session.text();
     interrupt::listen();
     let program = Arc::clone(&session);
     let place = (arguments.listen, arguments.port);
@@ -112,10 +96,71 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     drop(server);
     session.wait();
-    if !session.is_saved() {
+    if !session.is_saved() && session.text() != began {
         warn(format!("{}: the last changes were not saved", path.shown()));
     }
     Ok(())
+}
+
+/// What the command line names.
+struct Inputs<'a> {
+    /// The scene to go on with.
+    given: Option<PathBuf>,
+    /// What is added to it.
+    sources: Vec<&'a String>,
+    /// The scene to write.
+    path: PathBuf,
+}
+
+impl<'a> Inputs<'a> {
+    fn of(arguments: &'a Arguments) -> Result<Self> {
+        let is_scene = |input: &&String| {
+            let path = Path::new(input);
+            is_toml(path) && media_kind(path).is_none()
+        };
+        let (scenes, sources): (Vec<_>, Vec<_>) = arguments.inputs.iter().partition(is_scene);
+        let given = match scenes[..] {
+            [] => None,
+            [scene] => Some(PathBuf::from(scene)),
+            [_, second, ..] => {
+                return Err(user_error!("{second}: is a second scene; give one"));
+            }
+        };
+        if let Some(scene) = given.as_ref().filter(|scene| !scene.exists()) {
+            return Err(user_error!(
+                "{}: there is no such file; check the name, or give -o {} to begin it",
+                scene.shown(),
+                scene.shown()
+            ));
+        }
+        // One that does not exist is refused when it is added.
+        let place = |input: &String| std::fs::canonicalize(input).unwrap_or_else(|_| input.into());
+        for (number, source) in sources.iter().enumerate() {
+            if sources[..number]
+                .iter()
+                .any(|other| place(other) == place(source))
+            {
+                return Err(user_error!("{source}: is given twice; give it once"));
+            }
+        }
+        let path = arguments.output.clone().or_else(|| given.clone());
+        let path = path.unwrap_or_else(|| PathBuf::from("scene.toml"));
+        if !is_toml(&path) {
+            return Err(user_error!(
+                "-o {}: a scene is a TOML file; choose a name ending in .toml",
+                path.shown()
+            ));
+        }
+        Ok(Self {
+            given,
+            sources,
+            path,
+        })
+    }
+}
+
+fn is_toml(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "toml")
 }
 
 fn folder_of(file: &Path) -> PathBuf {

@@ -12,7 +12,7 @@ use crate::arguments::Threads;
 use crate::commands::run_report;
 use crate::interrupt::Stop;
 use crate::output::Shown as _;
-use crate::tracking::{self, Annotate, Limit, Options, Output, Previous, Watch};
+use crate::tracking::{self, Annotate, Limit, Options, Output, Previous, Run, Watch};
 
 /// A run, or what came of it.
 pub(super) struct Running {
@@ -27,8 +27,8 @@ pub(super) struct Running {
 /// What came of a run.
 #[derive(Debug, Clone)]
 enum Outcome {
-    /// The results, in words.
-    Done(String),
+    /// The results, in words, and the radii that the cameras estimated.
+    Done(String, Value),
     /// Why it failed.
     Failed(String),
 }
@@ -69,13 +69,18 @@ impl Running {
             .spawn(move || {
                 let run = tracking::run_scene(&path, scene, &options);
                 let outcome = match run {
-                    Ok(run) => Outcome::Done(format!(
-                        "{}\n{}",
-                        run_report::warnings(&run),
-                        run_report::summary(&run)
-                    )),
+                    Ok(run) => Outcome::Done(
+                        format!(
+                            "{}\n{}",
+                            run_report::warnings(&run),
+                            run_report::summary(&run)
+                        ),
+                        radii_of(&run),
+                    ),
                     // It has results nevertheless.
-                    Err(error) if stopped.is_requested() => Outcome::Done(format!("{error:#}")),
+                    Err(error) if stopped.is_requested() => {
+                        Outcome::Done(format!("{error:#}"), json!([]))
+                    }
                     Err(error) => Outcome::Failed(format!("{error:#}")),
                 };
                 *result.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
@@ -102,16 +107,32 @@ impl Running {
 
     /// Returns what the page shows of it.
     pub(super) fn about(&self) -> Value {
-        let (done, failed) = match self.outcome() {
-            Some(Outcome::Done(text)) => (Some(text), None),
-            Some(Outcome::Failed(text)) => (None, Some(text)),
-            None => (None, None),
+        let (done, radii, failed) = match self.outcome() {
+            Some(Outcome::Done(text, radii)) => (Some(text), radii, None),
+            Some(Outcome::Failed(text)) => (None, json!([]), Some(text)),
+            None => (None, json!([]), None),
         };
         json!({
             "goes_on": self.goes_on(),
             "folder": self.folder.shown(),
             "report": done.map(|text| text.trim().to_owned()),
+            "radii": radii,
             "error": failed,
         })
     }
+}
+
+/// Returns the radii that the cameras estimated, and whether they contradict the scene.
+fn radii_of(run: &Run) -> Value {
+    let numbers = 0..run.open.scene.targets.len();
+    let radii = numbers.flat_map(|number| run_report::radii(run, number));
+    let radii = radii.map(|radius| {
+        json!({
+            "key": radius.key,
+            "radius_m": radius.estimate.radius_m,
+            "sigma_m": radius.estimate.sigma_m,
+            "is_contradicted": radius.contradicted_m().is_some(),
+        })
+    });
+    radii.collect()
 }

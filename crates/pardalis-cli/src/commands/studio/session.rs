@@ -9,12 +9,14 @@ use serde_json::Value;
 
 use super::collected::Held;
 use super::places::Places;
-use super::player::Player;
+use super::player::{Player, shows_same};
 use super::project::{Project, State};
 use super::running::Running;
 use super::waved::Waved;
 use crate::commands::learn::samples::Learnt;
+use crate::output::warn;
 use crate::scene::{self, Parts};
+use crate::source::{Source, SourceConfig};
 use crate::user_error::user_error;
 
 /// What is set up, and its run.
@@ -33,6 +35,8 @@ pub(super) struct Inner {
     pub(super) project: Project,
     /// The pictures of cameras, by their names.
     pub(super) players: BTreeMap<String, Player>,
+    /// The source of a live camera that is being added. Opening it again would take seconds, or fail.
+    pub(super) open: Option<(SourceConfig, Source)>,
     /// The colours that were learnt from the present samples of targets, by their names.
     pub(super) learnt: BTreeMap<String, Learnt>,
     pub(super) running: Option<Running>,
@@ -52,6 +56,7 @@ impl Session {
             inner: Mutex::new(Inner {
                 project,
                 players: BTreeMap::new(),
+                open: None,
                 learnt: BTreeMap::new(),
                 running: None,
                 held: None,
@@ -67,6 +72,23 @@ impl Session {
 
     pub(super) fn is_saved(&self) -> bool {
         self.inner().project.is_saved()
+    }
+
+    /// Returns the text of the scene.
+    pub(super) fn text(&self) -> Arc<str> {
+        Arc::clone(&self.inner().project.now().text)
+    }
+
+    /// Says on the terminal what is wrong with the scene.
+    pub(super) fn warn_of_problems(&self) {
+        let inner = self.inner();
+        let problems = inner.parts().assembly.problems;
+        if !problems.is_empty() {
+            let error = scene::problems_in("scene", inner.project.path(), &problems);
+            warn(format!(
+                "{error:#}\nThe page shows each in the step that solves it."
+            ));
+        }
     }
 
     /// Goes to another state of the project, unless what was edited, by its key, has a problem then that it did not have.
@@ -89,6 +111,18 @@ impl Session {
         if let Some(problem) = after.assembly.problems.iter().find(is_new) {
             return Err(user_error!("{}: {}", problem.key, problem.message));
         }
+        inner.project.edit(state)?;
+        drop(inner);
+        self.changed();
+        Ok(())
+    }
+
+    /// Goes to the text of a scene that a page has kept while the program was started anew, whatever its problems.
+    pub(super) fn restore(&self, text: &str) -> Result<()> {
+        let mut inner = self.inner();
+        let mut state = inner.project.now().clone();
+        state.text = text.into();
+        "the scene of the page".clone_into(&mut state.what);
         inner.project.edit(state)?;
         drop(inner);
         self.changed();
@@ -123,10 +157,14 @@ impl Session {
             wanted.get(name).is_some_and(|config| player.shows(config))
         };
         inner.players.retain(is_wanted);
+        let mut open = inner.open.take();
         for (name, config) in wanted {
-            if !inner.players.contains_key(&name)
-                && let Ok(player) = Player::start(&name, config, None, &self.feed)
-            {
+            if inner.players.contains_key(&name) {
+                continue;
+            }
+            let is_open = |(other, _): &mut (SourceConfig, Source)| shows_same(other, &config);
+            let source = open.take_if(is_open).map(|(_, source)| source);
+            if let Ok(player) = Player::start(&name, config, source, &self.feed) {
                 inner.players.insert(name, player);
             }
         }

@@ -1,6 +1,5 @@
 //! The state of a session as the page sees it.
 
-use pardalis::shape::Shape;
 use pardalis_scene::{CameraConfig, Problem, TargetConfig};
 use serde_json::{Value, json};
 
@@ -127,11 +126,8 @@ impl Inner {
 
     fn target(&self, target: &TargetConfig) -> Value {
         let body = &target.bodies[0];
-        let (shape, radius_m) = match body.shape {
-            Shape::Sphere(sphere) => ("sphere", Some(sphere.radius_m)),
-            Shape::Upright(_) => ("upright", None),
-            Shape::Flat(_) => ("flat", None),
-        };
+        let shape = self.table_of("targets", &target.name);
+        let shape = shape.and_then(|table| table.get("shape").cloned());
         let samples = self.project.now().samples.get(&target.name);
         let samples = samples.into_iter().flatten().map(|sample| {
             json!({ "camera": sample.camera, "frame": sample.number, "outline_px": sample.outline_px })
@@ -141,7 +137,6 @@ impl Inner {
         json!({
             "name": target.name,
             "shape": shape,
-            "radius_m": radius_m,
             "is_crowd": target.crowd.is_some(),
             "colors": colors,
             "has_colors": has_colors,

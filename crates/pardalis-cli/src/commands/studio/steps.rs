@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis_camera::Camera;
-use pardalis_scene::{NAMES_ALLOWED, Scene, is_name};
+use pardalis_scene::Scene;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::edits::{with_lens, with_table, with_value, without};
+use super::edits::{with_lens, with_table, without};
 use super::session::{Inner, Session};
 use crate::commands::init::text::{Calibration, CameraText, target_text};
 use crate::commands::init::{self, Fov, Input, Model, Opened};
-use crate::commands::learn::samples::{Learnt, Pointed, Sample, learn_samples, outline_of};
+use crate::commands::learn::samples::{Learnt, Pointed, Sample, box_of, learn_samples, outline_of};
 use crate::draw::picture::jpeg_of;
 use crate::focal_length::parse_fov_deg;
 use crate::output::Shown as _;
@@ -35,21 +35,6 @@ pub(super) struct Calibrated {
     file: String,
     /// The camera of this name in the file, if it has several.
     of: Option<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct NewTarget {
-    name: String,
-    radius_m: Option<f64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Radius {
-    target: String,
-    /// `None` if it is unknown.
-    radius_m: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -97,7 +82,7 @@ impl Session {
         })
     }
 
-    /// Opens a live camera once for the size of its images.
+    /// Opens a live camera, for the size of its images and then for its pictures.
     fn live_camera(&self, input: &str) -> Result<CameraText> {
         let place = toml::Value::from(input);
         let probe = format!(
@@ -119,11 +104,12 @@ impl Session {
             .map(|camera| scene::source_config(camera, folder));
         let config = config.unwrap_or_else(|| unreachable!("it has no problem"));
         let config = config.map_err(|problem| problems_in("scene", &path, &[problem]))?;
-        let size = Source::open(&config)?.size();
+        let source = Source::open(&config)?;
         let opened = Opened {
-            size,
+            size: source.size(),
             input: Input::Video,
         };
+        self.inner().open = Some((config, source));
         Ok(CameraText::guessed(
             Model::Pinhole,
             &Fov::Unknown,
@@ -198,43 +184,6 @@ impl Session {
         })
     }
 
-    /// Adds a ball.
-    pub(super) fn add_target(&self, target: &NewTarget) -> Result<()> {
-        let name = &target.name;
-        if !is_name(name) {
-            return Err(user_error!("the name {name}: allowed: {NAMES_ALLOWED}"));
-        }
-        let folder = self.inner().project.folder().to_owned();
-        let colors = unused_colors(&folder, name);
-        self.edit(
-            &format!("targets.{name}.shape"),
-            format!("add {name}"),
-            |state| {
-                let table = target_text(name, target.radius_m, &colors);
-                state.text = with_table(&state.text, &table)?.into();
-                Ok(())
-            },
-        )
-    }
-
-    /// Sets the radius of a ball.
-    pub(super) fn set_radius(&self, radius: &Radius) -> Result<()> {
-        let name = &*radius.target;
-        let what = match radius.radius_m {
-            Some(radius_m) => format!("radius {radius_m} m of {name}"),
-            None => format!("unknown radius of {name}"),
-        };
-        self.edit(&format!("targets.{name}"), what, |state| {
-            let path = ["targets", name, "shape", "sphere", "radius_m"];
-            state.text = match radius.radius_m {
-                Some(radius_m) => with_value(&state.text, &path, radius_m)?,
-                None => with_value(&state.text, &path, "unknown")?,
-            }
-            .into();
-            Ok(())
-        })
-    }
-
     /// Labels a target in the frame that a camera shows, and learns its colours from all its labels.
     pub(super) fn label(&self, label: &Label) -> Result<()> {
         let pointed = match (label.at_px, label.box_px) {
@@ -245,7 +194,11 @@ impl Session {
         self.inner().colors_file(&label.target)?;
         let (number, frame) = self.inner().shown(&label.camera)?;
         let lens = self.inner().lens(&label.camera);
-        let outline_px = outline_of(&frame, lens.clone(), pointed)?;
+        let outline_px = if self.inner().is_ball(&label.target) {
+            outline_of(&frame, lens.clone(), pointed)?
+        } else {
+            box_of(&frame, pointed)?
+        };
         let sample = Sample {
             camera: label.camera.clone(),
             lens,
@@ -390,12 +343,4 @@ fn unused_name(text: &str, wanted: &str) -> String {
     let numbered = (2..).map(|number| format!("{wanted}-{number}"));
     let mut names = std::iter::once(wanted.to_owned()).chain(numbered);
     names.find(is_free).unwrap_or_else(|| wanted.to_owned())
-}
-
-/// Returns a name for a file of colours that does not exist.
-fn unused_colors(folder: &Path, target: &str) -> String {
-    let numbered = (2..).map(|number| format!("{target}-{number}.colors.toml"));
-    let mut names = std::iter::once(format!("{target}.colors.toml")).chain(numbered);
-    let free = names.find(|name| !folder.join(name).exists());
-    free.unwrap_or_else(|| format!("{target}.colors.toml"))
 }
