@@ -52,7 +52,7 @@ impl Guard {
         match &self.token {
             Some(token) if !self.has_token(headers, token) => Err((
                 StatusCode::UNAUTHORIZED,
-                "the token is missing or wrong; open the address that `pardalis studio` printed"
+                "the token is missing or wrong; open the address that the program printed, or send its token in a header: Authorization: Bearer TOKEN"
                     .to_owned(),
             )),
             _ => Ok(()),
@@ -63,9 +63,8 @@ impl Guard {
     pub(crate) fn check_origin(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         let refused = |what: &str| {
             let port = self.address.port();
-            let remedy = format!(
-                "open http://127.0.0.1:{port}/, or the address that `pardalis studio` printed"
-            );
+            let remedy =
+                format!("open http://127.0.0.1:{port}/, or the address that the program printed");
             Err((StatusCode::FORBIDDEN, format!("{what}; {remedy}")))
         };
         let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("?"));

@@ -255,7 +255,10 @@ async fn file(State(shared): App, request: Request) -> Response {
         .get(request.uri().path().trim_start_matches('/'))
     {
         Some(asset) => ([(header::CONTENT_TYPE, asset.content_type)], asset.bytes).into_response(),
-        None => refused((StatusCode::NOT_FOUND, "there is no such page".to_owned())),
+        None => refused((
+            StatusCode::NOT_FOUND,
+            "there is no such page; lines for other programs are at /lines".to_owned(),
+        )),
     }
 }
 

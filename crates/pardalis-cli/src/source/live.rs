@@ -203,9 +203,13 @@ pub(super) fn first_of(
     let size_px = decode.frames.size_px();
     let stream = decode.colors.recv();
     if watch.has_expired() {
+        let check = if input.starts_with("udp://") || input.starts_with("rtp://") {
+            "check that the camera sends to this port of this computer, and that no firewall keeps it out"
+        } else {
+            "check that the camera is on and its address is right"
+        };
         return Err(user_error!(
-            "{input}: no frame came within {} s; check that the camera is on and its address is right, or give \
-             input.timeout_s a longer time",
+            "{input}: no frame came within {} s; {check}, or give input.timeout_s a longer time",
             limit.as_secs_f64()
         ));
     }

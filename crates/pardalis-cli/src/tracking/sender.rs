@@ -3,7 +3,7 @@
 //! The latest line wins: whoever takes them too slowly, or is not there, costs neither memory nor time of tracking. What was not sent is counted.
 
 use std::fmt;
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs as _, UdpSocket};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -57,6 +57,9 @@ impl Destination {
         let protocol = match protocol {
             "udp" => Protocol::Udp,
             "tcp" => Protocol::Tcp,
+            "ws" | "wss" => {
+                return Err("a WebSocket is served with --watch, for any number of readers (docs/live-output.md)".to_owned());
+            }
             _ => return Err(allowed.to_owned()),
         };
         let (host, port) = place.rsplit_once(':').ok_or(allowed)?;
@@ -101,6 +104,8 @@ struct State {
     line: Option<String>,
     sent: u64,
     dropped: u64,
+    /// Why the last attempt to connect or to send failed.
+    failure: Option<String>,
     is_over: bool,
 }
 
@@ -126,10 +131,14 @@ impl Slot {
         }
     }
 
-    fn count(&self, is_sent: bool) {
+    /// Counts a line, which was sent or failed. Reports whether it was sent.
+    fn count(&self, sent: Result<(), std::io::Error>) -> bool {
         let mut state = self.state();
-        state.sent += u64::from(is_sent);
-        state.dropped += u64::from(!is_sent);
+        state.sent += u64::from(sent.is_ok());
+        state.dropped += u64::from(sent.is_err());
+        let is_sent = sent.is_ok();
+        state.failure = sent.err().map(|error| error.to_string());
+        is_sent
     }
 
     /// Waits before another attempt to connect. Lines that come meanwhile replace each other. Reports whether to go on.
@@ -178,8 +187,14 @@ impl Sender {
         drop(self);
         let state = slot.state();
         let dropped = state.dropped + u64::from(state.line.is_some());
+        let why = match &state.failure {
+            Some(failure) if dropped > 0 => {
+                format!(" ({failure}; start the receiver, or check address and port)")
+            }
+            _ => String::new(),
+        };
         format!(
-            "{destination}: sent {} estimates, dropped {dropped}",
+            "{destination}: sent {} estimates, dropped {dropped}{why}",
             state.sent
         )
     }
@@ -245,23 +260,32 @@ fn send_datagrams(slot: &Slot, addresses: &[SocketAddr]) {
             "[::]:0"
         }
     };
-    let socket = addresses.first().and_then(|address| {
-        let socket = UdpSocket::bind(own(address)).ok()?;
-        socket.connect(address).ok()?;
-        Some(socket)
-    });
+    let open = |address: &SocketAddr| {
+        let socket = UdpSocket::bind(own(address))?;
+        socket.connect(address)?;
+        Ok::<_, std::io::Error>(socket)
+    };
+    let socket = addresses.first().map(open);
     while let Some(line) = slot.next() {
         // A receiver that is not there may come later.
-        let sent = socket.as_ref().map(|socket| socket.send(line.as_bytes()));
-        slot.count(matches!(sent, Some(Ok(_))));
+        let sent = match &socket {
+            Some(Ok(socket)) => socket.send(line.as_bytes()).map(|_| ()),
+            Some(Err(error)) => Err(error.kind().into()),
+            None => Err(ErrorKind::AddrNotAvailable.into()),
+        };
+        slot.count(sent);
     }
 }
 
 fn send_stream(slot: &Slot, addresses: &[SocketAddr]) {
     let connect = || {
-        let mut streams = addresses.iter();
-        let stream =
-            streams.find_map(|address| TcpStream::connect_timeout(address, PATIENCE).ok())?;
+        let mut streams = addresses
+            .iter()
+            .map(|address| TcpStream::connect_timeout(address, PATIENCE));
+        let stream = streams.find_map(|stream| {
+            let failed = |error: std::io::Error| slot.state().failure = Some(error.to_string());
+            stream.map_err(failed).ok()
+        })?;
         let is_ready =
             stream.set_nodelay(true).is_ok() && stream.set_write_timeout(Some(PATIENCE)).is_ok();
         is_ready.then_some(stream)
@@ -281,8 +305,7 @@ fn send_stream(slot: &Slot, addresses: &[SocketAddr]) {
         let Some(line) = slot.next() else {
             return;
         };
-        let is_sent = open.write_all(line.as_bytes()).is_ok();
-        slot.count(is_sent);
+        let is_sent = slot.count(open.write_all(line.as_bytes()));
         if is_sent {
             pause = first_pause;
         } else {

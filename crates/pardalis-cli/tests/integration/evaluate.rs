@@ -175,6 +175,9 @@ fn tracks_of_another_world_are_aligned_on_request() {
     assert_near(&all["aligned"]["truth_from_tracks"][0][3], 1.0);
     let plain = figures(&path, &sequence, &[]);
     assert_eq!(plain["aligned"], Value::Null);
+    let hint = String::from_utf8(evaluate(&path, &sequence, &[]).stderr).unwrap();
+    assert!(hint.contains("almost all estimates are lost"), "{hint}");
+    assert_eq!(evaluate(&path, &sequence, &["--align"]).stderr, b"");
     assert!(
         plain["targets"][0]["all"]["errors"]["position_m"]["rmse"]
             .as_f64()
@@ -215,7 +218,9 @@ fn tracks_of_another_world_are_aligned_on_request() {
     folder.write("tracks.csv", tracks(&line, [0.0; 3]));
     let message = error_message(&path, &sequence, &["--align"]);
     assert!(
-        message.contains("--align: 110 positions on a line"),
+        message.contains(
+            "--align: needs three or more positions that are not on a line, and there are 110"
+        ),
         "{message}"
     );
 }

@@ -187,7 +187,9 @@ fn a_receiver_that_is_not_there_costs_nothing() {
         .track_with(SCENE, &["-o", "out", "--send", &to])
         .fine();
     assert_eq!(place.rows().len() as u64, FRAMES);
-    let counts = format!("{to}: sent 0 estimates, dropped {FRAMES}");
+    let counts = format!("{to}: sent 0 estimates, dropped {FRAMES} (Connection refused");
+    let remedy = "; start the receiver, or check address and port)";
+    assert!(run.stdout.contains(remedy), "{}", run.stdout);
     assert!(run.stdout.contains(&counts), "{}", run.stdout);
 }
 
@@ -199,6 +201,9 @@ fn addresses_that_cannot_be_right_are_refused() {
             .track_with(SCENE, &["-o", "out", "--send", to])
             .refused(&["allowed: udp://HOST:PORT or tcp://HOST:PORT"]);
     }
+    place
+        .track_with(SCENE, &["-o", "out", "--send", "ws://127.0.0.1:80"])
+        .refused(&["a WebSocket is served with --watch"]);
     place
         .track_with(
             SCENE,

@@ -101,6 +101,11 @@ fn programs_read_the_estimates_over_a_websocket() {
 #[test]
 fn options_of_the_page_need_the_page() {
     let place = Workplace::with_frames(1);
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    place
+        .track_with(SCENE, &["-o", "out", "--watch", "--port", &port])
+        .refused(&["another program has this port", "choose another --port"]);
     for option in [["--port", "4000"], ["--listen", "127.0.0.1"]] {
         place.track_with(SCENE, &option).refused(&["--watch"]);
     }
@@ -108,6 +113,6 @@ fn options_of_the_page_need_the_page() {
         .track_with(SCENE, &["-o", "out", "--watch", "--listen", "203.0.113.1"])
         .refused(&[
             "203.0.113.1:0: the page cannot be served there",
-            "choose another --port",
+            "--listen takes an address of this computer",
         ]);
 }

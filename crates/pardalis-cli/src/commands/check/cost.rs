@@ -7,7 +7,7 @@ use pardalis::tracker::Verdict;
 use pardalis::{Estimate, Frame, TargetId, Tracker};
 
 use crate::arguments::Threads;
-use crate::numbers::significant;
+use crate::numbers::{counted, significant};
 use crate::output::Shown;
 use crate::platforms;
 use crate::scene::OpenScene;
@@ -139,9 +139,9 @@ impl Cost {
         };
         format!(
             "cost, measured on this computer by tracking the {read} of each camera, without reading and writing files:\n  \
-             {} ms per step on {} threads ({} ms for the first){share}{all}",
+             {} ms per step on {} ({} ms for the first){share}{all}",
             significant(1e3 * self.later_s),
-            self.threads,
+            counted(self.threads as u64, "thread"),
             significant(1e3 * self.first_s)
         )
     }

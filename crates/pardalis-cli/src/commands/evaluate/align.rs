@@ -62,7 +62,7 @@ impl Aligned {
         let pose = pardalis_evaluate::alignment(&positions, lost_beyond_m);
         let truth_from_tracks = pose.ok_or_else(|| {
             user_error!(
-                "--align: {} positions on a line, or fewer than three, do not say how the tracks are turned; leave it out",
+                "--align: needs three or more positions that are not on a line, and there are {}; evaluate a longer track",
                 positions.len()
             )
         })?;

@@ -116,6 +116,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "most rows lie between the times of the truth and are not evaluated; add --interpolate to evaluate them",
         );
     }
+    let is_lost = |target: &TargetReport| {
+        let visible = &target.scores.visible;
+        visible.estimates > 0 && 10 * target.scores.lost_frames > 9 * visible.frames
+    };
+    if !arguments.options.align && !report.targets.is_empty() && report.targets.iter().all(is_lost)
+    {
+        warn(
+            "almost all estimates are lost; if the tracks have a world frame of their own, add --align to move them onto the truth",
+        );
+    }
     if arguments.json.as_deref() == Some(Path::new("-")) {
         print(report.to_json()?);
         return Ok(());

@@ -1,5 +1,6 @@
 //! Runs the studio, and shows runs of `track`.
 
+use std::io::ErrorKind;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -45,10 +46,17 @@ fn serve(
         lines,
     };
     let server = Server::start(address, program, feed, extension).map_err(|error| {
-            user_error!(
-                "{address}: the page cannot be served there: {error}; choose another --port, or an address of this computer with --listen"
-            )
-        })?;
+        let remedy = match error.kind() {
+            ErrorKind::AddrNotAvailable => {
+                "--listen takes an address of this computer, or 0.0.0.0 for all"
+            }
+            ErrorKind::AddrInUse => {
+                "another program has this port, perhaps another run; choose another --port"
+            }
+            _ => "choose another --port, or an address of this computer with --listen",
+        };
+        user_error!("{address}: the page cannot be served there: {error}; {remedy}")
+    })?;
     let elsewhere = if ip.is_unspecified() {
         format!(
             "; on another computer, with this one's number, such as 192.168.1.7, in place of {ip}"

@@ -22,7 +22,7 @@ fn a_live_ffmpeg_that_hangs_from_the_start_is_given_up() {
     let cameras = Cameras::with_script(1, "input.timeout_s = 1", "exec sleep 1000");
     let run = cameras.track();
     assert_eq!(run.code, Some(2), "{}", run.stderr);
-    let wanted = "line 3: cameras.cam1.video: udp://cam1: no frame came within 1 s; check that the camera is on";
+    let wanted = "line 3: cameras.cam1.video: udp://cam1: no frame came within 1 s; check that the camera sends to this port";
     assert!(run.stderr.contains(wanted), "{}", run.stderr);
 }
 

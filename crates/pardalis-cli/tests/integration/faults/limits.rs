@@ -150,20 +150,17 @@ fn sixty_four_cameras_are_tracked_together() {
     }
 }
 
+/// Tracks a camera that sends 600 frames, 550 MB, in much less time than tracking takes for all of them. Returns how many it could send, and the most
+/// memory of the program in MiB.
 #[cfg(target_os = "linux")]
-#[test]
-fn a_camera_that_is_faster_than_tracking_fills_no_memory() {
+fn track_slowly(cameras: &Cameras, scene: String, options: &[&str]) -> (usize, u64) {
     use std::io::Write as _;
 
     use super::process::peak_mib;
-    let cameras = Cameras::with_script(1, "input.reopen_s = 0", "exec cat pipe");
-    let made = Command::new("mkfifo")
-        .arg(cameras.place.path("pipe"))
-        .status();
-    assert!(made.unwrap().success());
     let pipe = cameras.place.path("pipe");
+    let made = Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
     let images = ball(2);
-    // 550 MB, in much less time than tracking takes for all.
     let camera = std::thread::spawn(move || {
         let mut pipe = fs::OpenOptions::new().write(true).open(pipe).unwrap();
         let mut sent = 0;
@@ -176,21 +173,46 @@ fn a_camera_that_is_faster_than_tracking_fills_no_memory() {
         }
         sent
     });
-    let scene = cameras
-        .scene()
-        .replace("particles = 100", "particles = 100_000");
+    let scene = scene.replace("particles = 100", "particles = 100_000");
     let mut command = cameras.command(scene);
-    let mut program = command.args(["--frames", "40"]).spawn().unwrap();
+    let mut program = command.args(options).spawn().unwrap();
     let mut peak = 0;
     while program.try_wait().unwrap().is_none() {
         peak = peak.max(peak_mib(program.id()).unwrap_or(0));
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
-    let sent = camera.join().unwrap();
+    (camera.join().unwrap(), peak)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_camera_that_is_faster_than_tracking_fills_no_memory() {
+    let cameras = Cameras::with_script(1, "input.reopen_s = 0", "exec cat pipe");
+    let (sent, peak) = track_slowly(&cameras, cameras.scene(), &["--frames", "40"]);
     assert_eq!(cameras.times_s().len(), 40);
     assert!(
         (40..100).contains(&sent),
         "{sent} frames were taken for 40 rows"
     );
     assert!((10..150).contains(&peak), "{peak} MiB");
+}
+
+/// Frames are read while a step goes on, however long it takes: what is not read grows old in ffmpeg and in the system.
+#[cfg(target_os = "linux")]
+#[test]
+fn slow_tracking_leaves_out_the_oldest_frames_of_a_camera_and_uses_the_last() {
+    let cameras = Cameras::with_script(1, "input.reopen_s = 0", "exec cat pipe");
+    let scene = cameras.scene().replace("\"wait\"", "\"drop\"");
+    let (sent, peak) = track_slowly(&cameras, scene, &[]);
+    assert_eq!(sent, 600);
+    assert!((10..150).contains(&peak), "{peak} MiB");
+    let frames = &cameras.summary("cam1")["frames"];
+    // The last frame that was made was not sent any more.
+    assert_eq!(frames["delivered"], 599);
+    let [used, overtaken] = ["used", "overtaken"].map(|key| frames[key].as_u64().unwrap());
+    assert_eq!(used + overtaken, 599);
+    assert!(used < 200, "{used} of 599 frames were used");
+    let times_s = cameras.times_s();
+    assert_eq!(times_s.len() as u64, used);
+    assert_eq!(times_s.last(), Some(&(0.04 * 598.0)));
 }
