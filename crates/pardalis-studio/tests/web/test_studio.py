@@ -8,6 +8,7 @@ import json
 import os
 import re
 import shutil
+import socket
 import subprocess
 import time
 from pathlib import Path
@@ -224,7 +225,7 @@ def test_targets_of_all_shapes_have_sizes_in_any_unit(studio, tmp_path):
 
 
 def test_a_size_that_the_cameras_contradict_is_shown_and_can_be_taken_over(studio, tmp_path):
-    scene = (ROOT / "experiments/edge/webcams-two.toml").read_text().replace("../../data", str(DATA))
+    scene = (DATA.parent / "experiments/edge/webcams-two.toml").read_text().replace("../../data", str(DATA))
     (tmp_path / "scene.toml").write_text(scene.replace("radius_m = 0.035", "radius_m = 0.042"))
     one = studio("scene.toml")
     page = one.page

@@ -143,7 +143,7 @@ def test_what_is_missing_is_said_with_the_way_there(studio, desk):
     # An edit in between makes the poses those of another scene.
     page.click("#wave")
     expect(page.locator("#use-rig")).to_be_visible()
-    one.ask("set_radius", {"target": "ball", "radius_m": 0.04})
+    assert "error" not in one.ask("set_shape", {"target": "ball", "kind": "sphere", "sizes": {"radius_m": 0.04}})
     expect(page.locator("#use-rig")).to_be_disabled()
     assert "was edited since" in one.ask("use_rig")["error"]
     one.ask("undo")

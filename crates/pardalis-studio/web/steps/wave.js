@@ -55,18 +55,21 @@ function report(app, { rows, notes, warnings }) {
   ];
 }
 
+/** Returns the radius of a ball in metres; null if it is unknown or missing. */
+const radiusOf = ({ shape }) => (typeof shape.sphere.radius_m === "number" ? shape.sphere.radius_m : null);
+
 /** Returns what must be done in another step first; null if nothing. */
 function missing(app, ball) {
   const to = (step, text) => el("p", {}, button(text, () => { location.hash = step; }, { id: "go-first", class: "primary" }));
   if (!ball?.has_colors) return [el("p", { class: "now" }, "The ball's colours come first: click it in a few pictures."), to("colors", "Learn its colours")];
-  if (ball.radius_m === null) return [el("p", { class: "now" }, "The ball's diameter comes first: all lengths follow from it."), to("targets", "Set its diameter")];
+  if (radiusOf(ball) === null) return [el("p", { class: "now" }, "The ball's diameter comes first: all lengths follow from it."), to("targets", "Set its diameter")];
   return null;
 }
 
 /** Returns the controls. `points` has the known points of each camera. */
 export function renderWave(app, points) {
   const rig = app.latest.get("rig");
-  const ball = app.state.targets.find(({ name, shape }) => name === app.target && shape === "sphere") ?? app.state.targets.find(({ shape }) => shape === "sphere");
+  const ball = app.state.targets.find(({ name, shape }) => name === app.target && shape?.sphere) ?? app.state.targets.find(({ shape }) => shape?.sphere);
   const first = missing(app, ball);
   if (first) return first;
   const known = [...points].filter(([name, list]) => list.length > 0 && app.state.cameras.some((one) => one.name === name));
@@ -95,7 +98,7 @@ export function renderWave(app, points) {
   return [
     rig?.error && el("p", { class: "bad", id: "wave-error" }, rig.error),
     rig?.report && report(app, rig.report),
-    el("p", {}, `Wave ${ball.name} to and fro, near and far, up and down, where two cameras or more see it, without a pause. Its diameter gives the scale: ${fixed(200 * ball.radius_m, 1)} cm${diameter}.`),
+    el("p", {}, `Wave ${ball.name} to and fro, near and far, up and down, where two cameras or more see it, without a pause. Its diameter gives the scale: ${fixed(200 * radiusOf(ball), 1)} cm${diameter}.`),
     field("What says where the room is", choice(Object.keys(WORLDS).map((id) => [id, nameOf(id)]), where, (value) => { world = value; app.render(); }, { id: "wave-world" })),
     where === "points" && count < 4 && el("p", { class: "none" }, "Click at least four under Known points, in one camera or in several."),
     where === "board" && field("Board", el("input", { type: "text", id: "wave-board", value: board, spellcheck: "false", onchange: (event) => { board = event.target.value.trim(); } }), "At rest in view of a camera at the beginning."),
