@@ -177,7 +177,7 @@ fn camera_table(run: &Run) -> String {
         return String::new();
     }
     let mut text = format!(
-        "{:<16}{:>9}{:>9}{:>12}{:>9}{:>11}{:>8}{:>10}{:>8}{:>16}",
+        "{:<16}{:>9}{:>9}{:>12}{:>11}{:>11}{:>8}{:>10}{:>8}{:>16}",
         "camera",
         "frames",
         "used",
@@ -201,7 +201,7 @@ fn camera_table(run: &Run) -> String {
         let frames = &records[number].frames;
         let _ = write!(
             text,
-            "\n{:<16}{:>9}{:>9}{:>12}{:>9}{:>11}{:>8}{:>10}{:>8}{:>16.3}",
+            "\n{:<16}{:>9}{:>9}{:>12}{:>11}{:>11}{:>8}{:>10}{:>8}{:>16.3}",
             camera.name,
             frames.delivered,
             frames.used,

@@ -88,15 +88,21 @@ impl MissedFrames {
         }
         let ranges = &self.ranges[target];
         let frames = format!(
-            "{name} was not found in frames {ranges}; where it is out of view or hidden, there is nothing to mend"
+            "{name} was not found in {} {ranges}; where it is out of view or hidden, nothing needs mending",
+            if missed == 1 { "frame" } else { "frames" }
         );
         let mut reasons: Vec<_> = self.by_reason(target).collect();
         // Of two equally frequent ones that which came nearer.
         reasons.sort_by_key(|&reason| std::cmp::Reverse((reason.1, reason.0)));
         let is_boxed = self.are_boxed[target];
         let line = |&(reason, frames): &(Verdict, usize)| {
+            let of_these = if missed == 1 {
+                "in this frame".to_owned()
+            } else {
+                format!("in {frames} of these {missed} frames")
+            };
             format!(
-                "in {frames} of these {missed} frames, {} ({}): {}",
+                "{of_these}, {} ({}): {}",
                 what(reason, is_boxed),
                 reason.name(),
                 remedy(reason, is_boxed)

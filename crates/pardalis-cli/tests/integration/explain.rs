@@ -58,7 +58,7 @@ fn without_its_colours_a_target_is_never_found_and_the_run_says_why() {
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     for part in [
         "warning: targets.ball: was not found in any of the 6 frames\n",
-        "ball was not found in frames 0 to 5; where it is out of view or hidden, there is nothing to mend\n",
+        "ball was not found in frames 0 to 5; where it is out of view or hidden, nothing needs mending\n",
         "in 6 of these 6 frames, nothing in the image has its colours (no-colors): learn the colours",
         "docs/not-found.md",
     ] {
