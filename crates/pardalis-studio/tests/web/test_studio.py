@@ -297,6 +297,20 @@ def test_the_pose_of_known_points_is_that_of_the_calibration(studio, tmp_path):
     assert before != after
 
 
+def test_a_file_of_several_cameras_asks_which_is_meant(studio, tmp_path):
+    shutil.copytree(DATA / "webcams-two/frames/cam2", tmp_path / "frames")
+    shutil.copy(DATA / "webcams-two/cameras.json", tmp_path / "rig.json")
+    one = studio("frames", ".")
+    page = one.page
+    one.step("camera")
+    page.get_by_role("button", name="rig.json").click()
+    expect(page.locator("#panel")).to_contain_text("Which of the cameras in this file is camera?")
+    page.locator(".of-file", has_text="cam2").click()
+    expect(page.locator("#panel .now").first).to_contain_text("Calibrated: rig.json")
+    assert 'calibration_camera = "cam2"' in one.ask("state")["text"]
+    expect(page.locator(".of-file")).to_have_count(0)
+
+
 @pytest.fixture
 def stream(streams):
     """The address of a camera that sees the thrown ball."""

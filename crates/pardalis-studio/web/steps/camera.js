@@ -8,6 +8,8 @@ const WAYS = { simple: "Angle or file", board: "Hold up a board" };
 
 let way = "simple";
 let listing = null;
+/** A calibration file of several cameras, and their names; null while none is to be chosen. */
+let several = null;
 
 async function list(app, folder = null) {
   try {
@@ -62,7 +64,11 @@ export const camera = {
     const files = (listing?.entries ?? []).filter(({ kind }) => kind === "folder" || kind === "text");
     const isGuess = app.state.guesses.some(({ key }) => key.startsWith(`cameras.${one.name}.model`));
     const now = one.calibration ? `Calibrated: ${one.calibration} (${one.model}).` : isGuess ? "A typical angle of view was guessed." : `${one.model}, as the scene says.`;
-    const use = (path) => app.change("set_calibration", { camera: one.name, file: path });
+    const use = async (file, of = null) => {
+      const answer = await app.change("set_calibration", { camera: one.name, file, of });
+      several = answer?.choose ? { file, names: answer.choose, camera: one.name } : null;
+      app.render();
+    };
     const ways = Object.entries(WAYS).map(([id, name]) => button(name, () => { way = id; app.render(); }, { id: `way-${id}`, "aria-pressed": String(id === way) }));
     const head = [el("p", { class: "now" }, now), el("div", { class: "tabs" }, ways)];
     if (way === "board") return [head, renderBoard(app, one.name)];
@@ -79,6 +85,10 @@ export const camera = {
       el("h3", {}, "Calibration file"),
       el("p", {}, "Of Pardalis, OpenCV, ROS, Kalibr, OCamCalib or Basalt."),
       listing?.folder && el("p", { class: "folder" }, listing.above !== null && button("↑", () => list(app, listing.above), { "aria-label": "Folder above" }), el("span", { title: listing.folder }, listing.folder)),
+      several?.camera === one.name && [
+        el("p", { class: "now" }, `Which of the cameras in this file is ${one.name}?`),
+        el("p", { class: "row" }, several.names.map((name) => button(name, () => use(several.file, name), { class: "of-file" }))),
+      ],
       el("ul", { class: "files" }, files.map(({ name, path, kind }) => el("li", {}, button([el("span", { class: "symbol", "aria-hidden": "true" }, kind === "folder" ? "▸" : "·"), name], () => (kind === "folder" ? list(app, path) : use(path)), { class: "entry" })))),
     ];
   },

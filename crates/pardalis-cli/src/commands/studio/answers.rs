@@ -114,7 +114,11 @@ impl Session {
                 self.remove(&removed.kind, &removed.name)?;
             }
             "set_fov" => self.set_fov(&read::<Guessed>(value)?)?,
-            "set_calibration" => self.set_calibration(&read::<Calibrated>(value)?)?,
+            "set_calibration" => {
+                if let Some(names) = self.set_calibration(&read::<Calibrated>(value)?)? {
+                    return Ok(json!({ "choose": names }));
+                }
+            }
             "set_pose" => {
                 let answer = self.set_pose(&read::<KnownPoints>(value)?)?;
                 self.tell();

@@ -141,8 +141,8 @@ impl Session {
         self.set_lens(name, format!("{fov_deg} degrees for {name}"), camera)
     }
 
-    /// Gives a camera the lens, and the pose if it has one, of a calibration file.
-    pub(super) fn set_calibration(&self, calibrated: &Calibrated) -> Result<()> {
+    /// Gives a camera the lens, and the pose if it has one, of a calibration file. Returns the names of its cameras if it is not clear which is meant.
+    pub(super) fn set_calibration(&self, calibrated: &Calibrated) -> Result<Option<Vec<String>>> {
         let name = &calibrated.camera;
         let file = self.places.allowed(&calibrated.file)?;
         let cameras = read_calibration(Path::new(""), &file.to_string_lossy(), None)
@@ -150,17 +150,14 @@ impl Session {
         let wanted = calibrated.of.as_ref().unwrap_or(name);
         let camera = match &cameras[..] {
             [camera] => camera,
-            _ => cameras
-                .iter()
-                .find(|camera| camera.name == *wanted)
-                .ok_or_else(|| {
-                    let names: Vec<_> = cameras.iter().map(|camera| &*camera.name).collect();
-                    user_error!(
-                        "{}: has the cameras {}; choose one of them",
-                        file.shown(),
-                        names.join(", ")
-                    )
-                })?,
+            _ => match cameras.iter().find(|camera| camera.name == *wanted) {
+                Some(camera) => camera,
+                None => {
+                    return Ok(Some(
+                        cameras.into_iter().map(|camera| camera.name).collect(),
+                    ));
+                }
+            },
         };
         let opened = self.inner().opened(name)?;
         init::check_size(&file, camera, opened.size)?;
@@ -172,7 +169,8 @@ impl Session {
         };
         let text = CameraText::known(camera, calibration, &opened, "", None);
         let what = format!("{} for {name}", file.shown());
-        self.set_lens(name, what, text)
+        self.set_lens(name, what, text)?;
+        Ok(None)
     }
 
     fn set_lens(&self, name: &str, what: String, camera: CameraText) -> Result<()> {
