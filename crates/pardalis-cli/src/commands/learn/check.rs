@@ -29,10 +29,12 @@ const MAX_LABEL_SHIFT: f64 = 0.15;
 const MAX_FOUND_SHIFT: f64 = 0.5;
 
 /// The radius of what somebody pointed at, as a share of what was guessed there by its colour. Hand-set: guesses are off by a third at most.
+#[cfg(feature = "studio")]
 const POINTED_SIZE: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
 /// By how much outlines are too small that are fitted with the general soft edge, pixels. Origin: the mean over the training images and sequences of the
 /// bundled fisheye camera, in which balls darken towards their outline.
+#[cfg(feature = "studio")]
 const TOO_SMALL_PX: f64 = 0.07;
 
 /// What the detector found in each image, in the order of the files.
@@ -65,6 +67,7 @@ pub(super) struct Found {
     pub(super) outline_px: Vec<[f64; 2]>,
 }
 
+#[cfg(feature = "studio")]
 impl Found {
     /// Moves the outline away from its centre by so many pixels.
     fn enlarged(self, by_px: f64) -> Self {
@@ -274,6 +277,7 @@ fn outline_at(tracker: &Tracker, shape: Shape, position_m: [f64; 3]) -> Option<F
 
 /// Fits the outline of a ball of these colours near a circle that somebody pointed at, in a view that shows little else. Nothing need be certain, unlike for
 /// [`detect`]: somebody has said that the ball is there.
+#[cfg(feature = "studio")]
 pub(super) fn fit(
     frame: &Frame,
     model: &ColorModel,
