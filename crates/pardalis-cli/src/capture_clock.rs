@@ -1,6 +1,6 @@
 //! The clocks of live cameras, as far as the arrivals of their frames tell them.
 
-/// For so long a camera's fastest frame counts, in seconds: clocks of cameras drift by milliseconds an hour.
+/// How long a camera's fastest frame counts, in seconds: clocks of cameras drift by milliseconds an hour.
 const WINDOW_S: f64 = 60.0;
 
 /// The clock of a live camera on that of the program.

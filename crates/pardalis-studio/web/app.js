@@ -11,7 +11,7 @@ import { targets } from "./steps/targets.js";
 import { track } from "./steps/track.js";
 
 const STEPS = [sources, camera, pose, colors, targets, track];
-/** A camera without an image for so many seconds is said to be silent. */
+/** A camera without an image for this many seconds is reported as silent. */
 const SILENT_S = 1.5;
 const byId = (id) => document.getElementById(id);
 

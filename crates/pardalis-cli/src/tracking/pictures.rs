@@ -25,7 +25,7 @@ struct Slots {
 
 #[derive(Default)]
 struct State {
-    /// The frame of each topic that is to be shown next, with what is said of it.
+    /// For each topic, the frame that is shown next, with its description.
     next: BTreeMap<String, (Value, Frame)>,
     is_over: bool,
 }

@@ -1,37 +1,36 @@
 //! `track --watch` under attack: a page that is served costs the run nothing.
 
-use std::io::{BufRead, BufReader, Read as _, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
-use std::process::Stdio;
+use std::process::{Child, ChildStderr, Stdio};
 
 use tungstenite::Message;
 
 use crate::common::{SCENE, Workplace};
 use crate::send::{assert_is_row, json, place_of};
 
-/// Waits for the address of the page and returns its host and port.
-fn address_in(stderr: &mut impl BufRead) -> String {
+/// Tracks a scene with a page, into the folder `out`. Returns the program, its messages after the address of the page, and the host and port of that.
+fn watched(place: &Workplace, scene: impl AsRef<[u8]>) -> (Child, BufReader<ChildStderr>, String) {
+    let mut command = place.command(scene, &["-o", "out", "--watch"]);
+    let command = command.stderr(Stdio::piped()).stdout(Stdio::null());
+    let mut running = command.spawn().unwrap();
+    let mut stderr = BufReader::new(running.stderr.take().unwrap());
     let mut line = String::new();
     while !line.contains("Open http://") {
         line.clear();
         assert!(stderr.read_line(&mut line).unwrap() > 0, "no address");
     }
     let address = line.split("http://").nth(1).unwrap();
-    address.split('/').next().unwrap().to_owned()
+    let address = address.split('/').next().unwrap().to_owned();
+    (running, stderr, address)
 }
 
 #[test]
 fn a_thousand_idle_connections_and_nonsense_do_not_disturb_the_run() {
     let place = Workplace::with_frames(40);
     place.track_with(SCENE, &["-o", "alone"]).fine();
-    let mut command = place.command(SCENE, &["-o", "out", "--watch"]);
-    let mut running = command
-        .stderr(Stdio::piped())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    let mut stderr = BufReader::new(running.stderr.take().unwrap());
-    let address = &*address_in(&mut stderr);
+    let (mut running, mut stderr, address) = watched(&place, SCENE);
+    let address = &*address;
     // The run may be over before the last of them.
     let mut idle: Vec<TcpStream> = (0..1000)
         .filter_map(|_| TcpStream::connect(address).ok())
@@ -62,14 +61,7 @@ fn programs_read_the_estimates_over_a_websocket() {
         "video = \"ride.ts\"",
         "video = \"ride.ts\"\ninput.real_time = true",
     );
-    let mut command = place.command(scene, &["-o", "out", "--watch"]);
-    let mut running = command
-        .stderr(Stdio::piped())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    let mut stderr = BufReader::new(running.stderr.take().unwrap());
-    let address = address_in(&mut stderr);
+    let (mut running, mut stderr, address) = watched(&place, scene);
     let stream = TcpStream::connect(&address).unwrap();
     let request = format!("ws://{address}/lines");
     let (mut reader, _) = tungstenite::client(request, stream).unwrap();

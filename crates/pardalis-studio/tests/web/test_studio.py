@@ -146,6 +146,8 @@ def test_mistakes_are_refused_with_their_remedy_and_change_nothing(studio, tmp_p
         "label": ({"camera": "camera", "target": "none", "at_px": [1, 1]}, "is not in the scene"),
         "set_pose": ({"camera": "camera", "points": []}, "too few"),
         "set_pose_of_board": ({"camera": "camera", "board": str(tmp_path / "secret.toml")}, "describe the board in words"),
+        "restore": ({"text": '[cameras.camera]\nimages = "../secret.toml"\n'}, "start it with the folder"),
+        "restore ": ({"text": '[cameras.camera]\nvideo = "/etc/passwd"\n'}, "start it with the folder"),
         "show": ({"camera": "none"}, "has no picture"),
         "nonsense": ({}, "is no request of this page"),
         "track": ({"x": 1}, "the request is malformed"),

@@ -95,23 +95,29 @@ pub(super) fn parts(is_target: &[bool], width: usize) -> Vec<Vec<(usize, usize)>
     parts
 }
 
+/// Returns the circle with the centre and area of pixels, whatever their shape.
+pub(super) fn circle_of_area(part: &[(usize, usize)]) -> Circle {
+    Circle {
+        center_px: [mean(part, &|x, _| x), mean(part, &|_, y| y)],
+        radius_px: (part.len() as f64 / std::f64::consts::PI).sqrt(),
+    }
+}
+
+fn mean(part: &[(usize, usize)], value: &dyn Fn(f64, f64) -> f64) -> f64 {
+    let sum: f64 = part.iter().map(|&(x, y)| value(x as f64, y as f64)).sum();
+    sum / part.len() as f64
+}
+
 /// Returns the circle of the pixels' area if they are round: nearly all lie within the ellipse that has their area and
 /// second moments.
 pub(super) fn circle_of(part: &[(usize, usize)]) -> Option<Circle> {
     let area = part.len() as f64;
-    let mean = |value: &dyn Fn(f64, f64) -> f64| {
-        let sum: f64 = part.iter().map(|&(x, y)| value(x as f64, y as f64)).sum();
-        sum / area
-    };
-    let center_px = [mean(&|x, _| x), mean(&|_, y| y)];
-    let circle = Circle {
-        center_px,
-        radius_px: (area / std::f64::consts::PI).sqrt(),
-    };
+    let mean = |value: &dyn Fn(f64, f64) -> f64| mean(part, value);
+    let circle = circle_of_area(part);
     if part.len() < MIN_JUDGED_PX {
         return Some(circle);
     }
-    let [u, v] = center_px;
+    let [u, v] = circle.center_px;
     // Pixels are squares, not points: their own second moment is 1/12.
     let xx = mean(&|x, _| (x - u).powi(2)) + 1.0 / 12.0;
     let yy = mean(&|_, y| (y - v).powi(2)) + 1.0 / 12.0;

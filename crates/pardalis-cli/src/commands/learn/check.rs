@@ -69,7 +69,7 @@ pub(super) struct Found {
 
 #[cfg(feature = "studio")]
 impl Found {
-    /// Moves the outline away from its centre by so many pixels.
+    /// Moves the outline away from its centre by this many pixels.
     fn enlarged(self, by_px: f64) -> Self {
         let Circle {
             center_px,

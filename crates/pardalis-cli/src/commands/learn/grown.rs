@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use pardalis::Frame;
 
-use super::balls::{Circle, circle_of, parts};
+use super::balls::{Circle, circle_of, circle_of_area, parts};
 
 /// Half the side of the square whose mean colour is that of the region, pixels.
 const SEED_PX: usize = 2;
@@ -14,7 +14,7 @@ const LEVELS: [f32; 27] = [
     6.0, 7.0, 8.0, 9.0, 10.0, 11.5, 13.0, 14.5, 16.0, 18.0, 20.0, 22.5, 25.0, 28.0, 31.0, 34.0,
     38.0, 42.0, 47.0, 52.0, 58.0, 64.0, 70.0, 77.0, 85.0, 92.0, 100.0,
 ];
-/// The growth of a region is that from so many levels before to so many after it.
+/// The growth of a region is measured from this many levels below its own to this many above.
 const GROWTH_LEVELS: usize = 2;
 /// The weight of differences of brightness, which light and shade change. Hand-set.
 const BRIGHTNESS_WEIGHT: f32 = 0.3;
@@ -27,7 +27,22 @@ const MAX_SHARE: f64 = 0.4;
 
 /// Returns the round region of one colour around a pixel, as the circle with its centre and area: of those that grow around it, the one that grows
 /// least as its colour is given more room. `None` if none is round.
-pub(super) fn round_region(frame: &Frame, [u, v]: [f64; 2]) -> Option<Circle> {
+pub(super) fn round_region(frame: &Frame, at: [f64; 2]) -> Option<Circle> {
+    steadiest(frame, at, circle_of)
+}
+
+/// Returns the circle with the centre and area of the region of one colour around a pixel, like [`round_region`], whatever its shape: where a ball has
+/// highlights and is reflected, the region is a part of it, or more than it.
+pub(super) fn rough_region(frame: &Frame, at: [f64; 2]) -> Option<Circle> {
+    steadiest(frame, at, |part| Some(circle_of_area(part)))
+}
+
+/// Returns the circle of the region that grows least, among those that have one.
+fn steadiest(
+    frame: &Frame,
+    [u, v]: [f64; 2],
+    circle: impl Fn(&[(usize, usize)]) -> Option<Circle>,
+) -> Option<Circle> {
     let (width, height) = (frame.width(), frame.height());
     let inside =
         |at: f64, side: usize| (at.round() >= 0.0).then_some((at.round() as usize).min(side - 1));
@@ -43,14 +58,14 @@ pub(super) fn round_region(frame: &Frame, [u, v]: [f64; 2]) -> Option<Circle> {
     }
     // Of the first and the last ones, how much they grow is not known.
     let known = GROWTH_LEVELS..regions.len().saturating_sub(GROWTH_LEVELS);
-    let round = known.filter_map(|number| {
+    let circles = known.filter_map(|number| {
         let part = &regions[number];
         let pixels = |number: usize| regions[number].len() as f64;
         let grown = pixels(number + GROWTH_LEVELS) - pixels(number - GROWTH_LEVELS);
-        let circle = circle_of(part).filter(|_| part.len() >= MIN_PX)?;
+        let circle = circle(part).filter(|_| part.len() >= MIN_PX)?;
         Some((grown / pixels(number), circle))
     });
-    let steadiest = round.min_by(|a, b| a.0.total_cmp(&b.0));
+    let steadiest = circles.min_by(|a, b| a.0.total_cmp(&b.0));
     steadiest.map(|(_, circle)| circle)
 }
 

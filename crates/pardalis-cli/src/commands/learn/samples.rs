@@ -9,9 +9,9 @@ use pardalis_camera::{Camera, Mask};
 use pardalis_images::RgbImage;
 
 use super::balls::Circle;
-use super::check::{Check, fit};
+use super::check::{Check, LearntEdge, detect, fit};
 use super::evidence::Evidence;
-use super::grown::round_region;
+use super::grown::{rough_region, round_region};
 use super::inputs::LabelledFile;
 use super::label::Label;
 use crate::draw::picture::picture_of;
@@ -73,11 +73,14 @@ pub(crate) fn outline_of(
 ) -> Result<Vec<[f64; 2]>> {
     let (label, around) = match pointed {
         Pointed::At(at) => {
-            let circle = round_region(frame, at).ok_or_else(|| {
-                user_error!(
-                    "there is nothing round of one colour at this place; drag a box around the whole target instead"
-                )
-            })?;
+            let circle = match round_region(frame, at) {
+                Some(circle) => circle,
+                None => certain_ball(frame, lens.clone(), at)?.ok_or_else(|| {
+                    user_error!(
+                        "there is nothing round of one colour at this place; drag a box around the whole target instead"
+                    )
+                })?,
+            };
             (Label::Polygon(corners_of(&circle, frame)), circle)
         }
         Pointed::Within(a, b) => {
@@ -116,6 +119,22 @@ pub(crate) fn outline_of(
     // Once more, with the colours inside of what was found rather than those of a guess.
     let better_px = outline(Label::Polygon(rough_px.clone()))?;
     Ok(better_px.unwrap_or(rough_px))
+}
+
+/// Returns the ball at a pixel around which no region of one colour is round, if its outline leaves the detector no doubt.
+fn certain_ball(frame: &Frame, lens: Option<Camera>, at: [f64; 2]) -> Result<Option<Circle>> {
+    let Some(rough) = rough_region(frame, at) else {
+        return Ok(None);
+    };
+    let label = Label::Polygon(corners_of(&rough, frame));
+    let file = LabelledFile::of_frame(PathBuf::from("image"), (0, frame.clone()), lens, label);
+    let view = file.view(frame, Some(near(frame, &rough)?))?;
+    let model = Evidence::gather(&[file], Palette::HSI)?.model()?;
+    let found = detect(frame, &model, LearntEdge::Ignored, view)?;
+    Ok(found.map(|found| found.circle).filter(|circle| {
+        let [u, v] = [0, 1].map(|axis| at[axis] - circle.center_px[axis]);
+        libm::hypot(u, v) < circle.radius_px
+    }))
 }
 
 /// Returns the corners of the box in which something that is no ball was pointed at.
@@ -308,5 +327,26 @@ mod tests {
         // A tenth of a pixel too small is 2 % too far.
         let mean_px: f64 = sum / count;
         assert!(mean_px.abs() < 0.06, "{mean_px}");
+    }
+
+    /// In these frames of a bundled webcam, the ball has a highlight and is reflected by the table.
+    #[test]
+    fn a_click_gives_the_ball_where_no_colour_is_round() {
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/webcams-two");
+        // From truth.csv and cameras.json.
+        for (number, [u, v], r) in [(6, [159.5, 141.0], 25.3), (114, [171.8, 83.1], 20.9)] {
+            let file = format!("{root}/frames/cam1/{number:06}.jpg");
+            let image = decode_image(file.as_ref()).unwrap();
+            let (width, height) = image.size_px();
+            let frame = Frame::from_rgb(width, height, image.into_raw(), 0.0).unwrap();
+            let at = [u + 3.0, v - 2.0];
+            assert!(round_region(&frame, at).is_none(), "{number}");
+            let outline = outline_of(&frame, None, Pointed::At(at)).unwrap();
+            let found = Circle::of_outline(&outline).unwrap();
+            let off_px = libm::hypot(found.center_px[0] - u, found.center_px[1] - v);
+            assert!(off_px < 1.2, "{number}: {found:?}");
+            let size = found.radius_px / r;
+            assert!((0.95..1.05).contains(&size), "{number}: {found:?}");
+        }
     }
 }

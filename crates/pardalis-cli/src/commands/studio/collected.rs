@@ -18,7 +18,7 @@ pub(super) const LEAST_VIEWS: usize = 3;
 pub(super) const GOOD_VIEWS: usize = 12;
 const GOOD_TILTED: usize = 5;
 const GOOD_SHARE: f64 = 0.5;
-/// With so many views, the rest of the image cannot be covered: that of a fisheye may be a circle.
+/// With this many views, what is not covered yet probably cannot be: the image of a fisheye may be a circle.
 const MANY_VIEWS: usize = 20;
 
 /// Looks for the board in the pictures of a camera until it is dropped.

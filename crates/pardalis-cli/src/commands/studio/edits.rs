@@ -71,7 +71,7 @@ pub(super) fn with_value(text: &str, path: &[&str], value: impl Into<Value>) -> 
     Ok(with_guesses(&document.to_string()))
 }
 
-/// Returns the text with these sizes of a target's shape. What else is said of the shape stays, unless it was another one.
+/// Returns the text with these sizes of a target's shape. Other keys of the shape stay, unless its kind changes.
 pub(super) fn with_shape(
     text: &str,
     target: &str,

@@ -1,5 +1,6 @@
 //! Files that the page may name: only those below the folders of the command line.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -51,6 +52,23 @@ impl Places {
         })
     }
 
+    /// Requires that a text of the scene in this folder names no file or folder elsewhere, unless `known`, another text of the scene, names it, too.
+    pub(super) fn check_scene(&self, text: &str, known: &str, folder: &Path) -> Result<()> {
+        let table = |text: &str| text.parse::<toml::Table>();
+        let scene = table(text).map_err(|error| {
+            user_error!("what is put back is no scene: {error}; open the scene again")
+        })?;
+        let known = toml::Value::Table(table(known).unwrap_or_default());
+        let known: BTreeSet<&str> = texts_in(&known).into_iter().collect();
+        for text in texts_in(&toml::Value::Table(scene)) {
+            let path = folder.join(text);
+            if !known.contains(text) && !is_device(text) && path.symlink_metadata().is_ok() {
+                self.allowed(&path.to_string_lossy())?;
+            }
+        }
+        Ok(())
+    }
+
     /// Returns the places, or the entries of a folder, that could be a source or a calibration.
     pub(super) fn listed(&self, folder: Option<&str>) -> Result<Value> {
         let Some(folder) = folder else {
@@ -88,6 +106,22 @@ impl Places {
             "entries": entries,
             "left_out": count - entries.len(),
         }))
+    }
+}
+
+/// Reports whether this names a camera of Linux.
+pub(super) fn is_device(input: &str) -> bool {
+    let number = input.strip_prefix("/dev/video");
+    number.is_some_and(|number| number.bytes().all(|byte| byte.is_ascii_digit()))
+}
+
+/// Returns all texts in a value.
+fn texts_in(value: &toml::Value) -> Vec<&str> {
+    match value {
+        toml::Value::String(text) => vec![text],
+        toml::Value::Array(values) => values.iter().flat_map(texts_in).collect(),
+        toml::Value::Table(table) => table.values().flat_map(texts_in).collect(),
+        _ => Vec::new(),
     }
 }
 
@@ -142,6 +176,39 @@ mod tests {
         assert_eq!(listed["entries"][0]["name"], "a.toml");
         assert_eq!(listed["entries"][0]["kind"], "text");
         assert!(places.listed(Some(&name("in"))).unwrap()["above"].is_null());
+    }
+
+    #[test]
+    fn scenes_name_nothing_outside_unless_they_did_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let inside = folder.path().join("in");
+        fs::create_dir_all(inside.join("frames")).unwrap();
+        fs::write(folder.path().join("secret.toml"), "").unwrap();
+        let places = Places::of(std::slice::from_ref(&inside)).unwrap();
+        let check = |text: &str, known: &str| places.check_scene(text, known, &inside);
+        for fine in [
+            "a = ['frames', 'missing', 'udp://127.0.0.1:1', '/dev/video0', '']",
+            "a.b = { c = 'frames' }",
+        ] {
+            check(fine, "").unwrap();
+        }
+        let absolute = folder.path().join("secret.toml");
+        let absolute = format!("a = '{}'", absolute.display());
+        for outside in [
+            "a.b = '../secret.toml'",
+            "a = [{ b = '..' }]",
+            "a = '/etc/passwd'",
+            &absolute,
+        ] {
+            let error = check(outside, "").unwrap_err().to_string();
+            assert!(
+                error.contains("start it with the folder that holds it"),
+                "{error}"
+            );
+            check(outside, &format!("x = 0\n{outside}")).unwrap();
+        }
+        let error = check("a = ", "").unwrap_err().to_string();
+        assert!(error.contains("is no scene"), "{error}");
     }
 
     #[cfg(unix)]

@@ -27,7 +27,7 @@ const MAX_PAUSE_S: f64 = 1.0;
 const POLL: Duration = Duration::from_millis(3);
 /// How long a live camera that has failed is left alone before it is opened again.
 const RETRY: Duration = Duration::from_secs(2);
-/// A live camera that gives no frame for so long, in seconds, is said to be silent. Hand-set: webcams in the dark give five frames per second.
+/// A live camera that gives no frame for this time, in seconds, is reported as silent. Hand-set: webcams in the dark give five frames per second.
 const SILENT_S: f64 = 1.5;
 /// A frame was lost if the time since the one before is longer than this multiple of the usual one. Hand-set.
 const LOST_INTERVALS: f64 = 1.6;
@@ -250,7 +250,7 @@ impl Shared {
         }
     }
 
-    /// Waits for so long, or until the player is stopped. Reports whether it is.
+    /// Waits for this time, or until the player is stopped. Reports whether it is.
     fn is_stopped_after(&self, time: Duration) -> bool {
         let watch = Stopwatch::start();
         while watch.elapsed_s() < time.as_secs_f64() && !self.stop.is_requested() {

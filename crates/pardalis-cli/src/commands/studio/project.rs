@@ -1,6 +1,6 @@
 //! The project: the text of a scene, which is all of its state, with the texts before and after it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -40,6 +40,8 @@ pub(super) struct Project {
     after: Vec<State>,
     /// The text in the file; `None` if there is none.
     saved: Option<Arc<str>>,
+    /// The files that were made here which that text may need.
+    saved_files: BTreeSet<PathBuf>,
 }
 
 impl Project {
@@ -59,6 +61,7 @@ impl Project {
             before: Vec::new(),
             after: Vec::new(),
             saved,
+            saved_files: BTreeSet::new(),
         })
     }
 
@@ -155,18 +158,21 @@ impl Project {
         }
         write_file(&self.path, text.as_bytes())?;
         self.saved = Some(Arc::clone(text));
+        self.saved_files = self.now.files.keys().cloned().collect();
         Ok(())
     }
 
     /// Writes the files of a state that differ from those of the present one, and removes those that it does not have, unless something else has changed
-    /// them.
+    /// them or the scene that was saved needs them.
     fn write_files(&self, state: &State) -> Result<()> {
         for (path, text) in &state.files {
             if self.now.files.get(path) != Some(text) {
                 write_file(path, text.as_bytes())?;
             }
         }
-        let gone = |(path, _): &(&PathBuf, &Arc<str>)| !state.files.contains_key(*path);
+        let gone = |(path, _): &(&PathBuf, &Arc<str>)| {
+            !state.files.contains_key(*path) && !self.saved_files.contains(*path)
+        };
         for (path, text) in self.now.files.iter().filter(gone) {
             if fs::read(path).is_ok_and(|bytes| bytes == text.as_bytes()) {
                 fs::remove_file(path).map_err(|error| unwritable(path, error))?;
@@ -187,6 +193,17 @@ mod tests {
         let file = project.folder().join("ball.colors.toml");
         state.files.insert(file, colors.into());
         project.edit(state).unwrap();
+    }
+
+    #[test]
+    fn what_a_saved_scene_needs_is_not_undone() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut project = Project::open(&folder.path().join("scene.toml")).unwrap();
+        edit(&mut project, "a", "red");
+        project.save().unwrap();
+        project.undo().unwrap();
+        let colors = std::fs::read_to_string(folder.path().join("ball.colors.toml"));
+        assert_eq!(colors.unwrap(), "red");
     }
 
     #[test]

@@ -118,8 +118,12 @@ impl Session {
     }
 
     /// Goes to the text of a scene that a page has kept while the program was started anew, whatever its problems.
+    ///
+    /// Errors: it names files outside of the places that the page reaches.
     pub(super) fn restore(&self, text: &str) -> Result<()> {
         let mut inner = self.inner();
+        let (now, folder) = (&inner.project.now().text, inner.project.folder());
+        self.places.check_scene(text, now, folder)?;
         let mut state = inner.project.now().clone();
         state.text = text.into();
         "the scene of the page".clone_into(&mut state.what);

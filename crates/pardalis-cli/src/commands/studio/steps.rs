@@ -9,6 +9,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::edits::{with_lens, with_table, without};
+use super::places::is_device;
 use super::session::{Inner, Session};
 use crate::commands::init::text::{Calibration, CameraText, target_text};
 use crate::commands::init::{self, Fov, Input, Model, Opened};
@@ -52,10 +53,7 @@ impl Session {
     /// Adds the cameras of a file, a folder, a device or an address.
     pub(super) fn add_source(&self, input: &str, fps: Option<f64>) -> Result<()> {
         // Anything else is a file, which must be in an allowed place.
-        let device = input.strip_prefix("/dev/video");
-        let is_device =
-            device.is_some_and(|number| number.bytes().all(|byte| byte.is_ascii_digit()));
-        let is_live = input.contains("://") || is_device;
+        let is_live = input.contains("://") || is_device(input);
         let (texts, radius_m) = if is_live {
             (vec![self.live_camera(input)?], None)
         } else {

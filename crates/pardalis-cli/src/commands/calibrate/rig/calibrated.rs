@@ -46,7 +46,7 @@ pub(in crate::commands) struct CalibratedRig {
 }
 
 impl CalibratedRig {
-    /// Detects the ball and calibrates the rig. `seen` is told of each frame, with the name of its camera.
+    /// Detects the ball and calibrates the rig. Calls `seen` with each frame and the name of its camera.
     ///
     /// Errors: the scene has problems, or the detections do not determine the rig, with the remedy.
     pub(in crate::commands) fn of(

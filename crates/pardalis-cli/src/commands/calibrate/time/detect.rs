@@ -35,7 +35,7 @@ pub(in crate::commands) struct Until {
     pub(in crate::commands) stop: Stop,
 }
 
-/// Returns what each camera detects of a body of this shape in each frame. `seen` is told of each frame, with the number of its camera.
+/// Returns what each camera detects of a body of this shape in each frame. Calls `seen` with each frame and the number of its camera.
 ///
 /// Each camera has a thread of its own: live ones do not wait for each other.
 pub(in crate::commands::calibrate) fn detect(
