@@ -180,9 +180,16 @@ fn run(arguments: &Arguments) -> Result<()> {
     if let Some(seed) = arguments.seed {
         settings.insert("seed".to_owned(), toml::Value::Integer(seed.into()));
     }
+    // Calibrations that were published once and are kept for those who come later ("latched"), and those that are published again and again.
+    let kept = qos
+        .clone()
+        .durability(Durability::TransientLocal)
+        .reliability_reliable(WhenFull::Fail);
     for (camera, topic) in &arguments.camera_info {
-        let info = subscribe(&mut node, topic, ("sensor_msgs", "CameraInfo"), &qos)?;
-        if !set_model(&mut settings, camera, topic, &info, &stop)? {
+        let mut infos =
+            |qos: &QosProfile| subscribe(&mut node, topic, ("sensor_msgs", "CameraInfo"), qos);
+        let infos = [infos(&qos)?, infos(&kept)?];
+        if !set_model(&mut settings, camera, topic, &infos, &stop)? {
             return Ok(());
         }
     }
@@ -410,12 +417,12 @@ fn set_model(
     settings: &mut toml::Table,
     camera: &str,
     topic: &str,
-    infos: &Calibrations,
+    infos: &[Calibrations; 2],
     stop: &Stop,
 ) -> Result<bool> {
     let mut reminded = clock::instant();
     let info = loop {
-        if let Some(info) = next(infos) {
+        if let Some(info) = infos.iter().find_map(next) {
             break info;
         }
         if stop.load(Ordering::Relaxed) {

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from cyclonedds.internal import InvalidSample
 from PIL import Image
-from ros import DATA, Peer, header, message, nanoseconds
+from ros import DATA, LATCHED, RELIABLE, Peer, header, message, nanoseconds
 
 PROGRAM = Path(os.environ["PARDALIS_ROS2"])
 RIG = DATA / "webcams-two"
@@ -199,7 +199,8 @@ def test_cameras_keep_their_images_in_any_order_of_the_scene(tmp_path, domain):
     np.testing.assert_allclose([position.x, position.y, position.z], truth_m()[0], atol=0.003)
 
 
-def test_the_lens_may_come_from_camera_info(tmp_path, domain):
+@pytest.mark.parametrize("is_latched", [False, True])
+def test_the_lens_may_come_from_camera_info(tmp_path, domain, is_latched):
     peer = Peer(domain)
     scene = SCENE.replace("[cameras.cam2]\ncalibration", "[cameras.cam2]\n# calibration").replace(
         f'[cameras.cam1]\ncalibration = "{RIG.as_posix()}/cameras.json"',
@@ -207,7 +208,7 @@ def test_the_lens_may_come_from_camera_info(tmp_path, domain):
     )
     scene = scene.split("[cameras.cam2]")[0] + "[targets.ball]" + scene.split("[targets.ball]")[1]
     writer = peer.publisher("/cam1/image_raw", IMAGE)
-    infos = peer.publisher("/cam1/camera_info", "sensor_msgs/msg/CameraInfo")
+    infos = peer.publisher("/cam1/camera_info", "sensor_msgs/msg/CameraInfo", LATCHED if is_latched else RELIABLE)
     poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
     region = message("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False)
     k = [330, 0, 159.5, 0, 330, 119.5, 0, 0, 1]
@@ -216,11 +217,14 @@ def test_the_lens_may_come_from_camera_info(tmp_path, domain):
         [330.0, 0, 159.5, 0, 0, 330, 119.5, 0, 0, 0, 1, 0], 0, 0, region,
     )  # fmt: skip
     found = []
+    if is_latched:
+        infos.write(info)
     with Node(tmp_path, domain, "--camera-info", "cam1=/cam1/camera_info", scene=scene) as node:
         number = 0
         until = time.monotonic() + 20
         while len(found) < 5 and time.monotonic() < until:
-            infos.write(info)
+            if not is_latched:
+                infos.write(info)
             writer.write(raw(START_NS + number * STEP_NS, np.asarray(Image.open(file_of("cam1", number % 60)))))
             number += 1
             time.sleep(0.05)
