@@ -7,7 +7,9 @@ use crate::color::ColorModel;
 use crate::value_error;
 use pardalis::filter::motion::{ConstantVelocity, Motion, VelocityNoise};
 use pardalis::shape::{Flat, Section, Sphere, SphereOutline, Upright, UprightOutline};
-use pardalis::tracker::{BoxedSettings, DetectedSettings, SizeTolerance, TargetSettings};
+use pardalis::tracker::{
+    BoxedSettings, DetectedSettings, DetectorSettings, SizeTolerance, TargetSettings,
+};
 
 /// The shape and size of a body. All but balls stand on the ground, or lie at a height above it.
 #[pyclass(frozen, module = "pardalis")]
@@ -97,8 +99,12 @@ impl Target {
         self.most.is_some()
     }
 
-    pub(crate) fn is_boxed(&self) -> bool {
-        matches!(self.body, Body::Boxed(_))
+    /// Whether it takes boxes of another program.
+    pub(crate) fn takes_boxes(&self) -> bool {
+        match &self.body {
+            Body::Detected(body) => body.detector.is_some(),
+            Body::Boxed(_) => true,
+        }
     }
 
     pub(crate) fn settings(&self) -> TargetSettings {
@@ -217,6 +223,35 @@ impl Target {
         Ok(Self {
             body: Body::Boxed(settings),
             most: max_count,
+        })
+    }
+
+    /// Return the same target with boxes of another program, such as a neural network, beside its colours: pass them to `Tracker.observe`. They tell it from other things that
+    /// look like it, and where to look for it; edges tell where it is. The arguments are those of `of_boxes`.
+    #[pyo3(signature = (*, detection_probability=0.9, false_per_image=0.5, side_sigma=0.05, min_score=0.0))]
+    fn with_boxes(
+        &self,
+        detection_probability: f64,
+        false_per_image: f64,
+        side_sigma: f64,
+        min_score: f64,
+    ) -> PyResult<Self> {
+        let (Body::Detected(body), None) = (&self.body, self.most) else {
+            return Err(PyValueError::new_err(
+                "boxes beside colours are for a single target with colours; use Target.of_boxes for boxes alone",
+            ));
+        };
+        let mut detector = DetectorSettings::default();
+        detector.detection_probability = detection_probability;
+        detector.false_per_image = false_per_image;
+        detector.side_sigma = side_sigma;
+        detector.min_score = min_score;
+        detector.check().map_err(value_error)?;
+        let mut body = body.clone();
+        body.detector = Some(detector);
+        Ok(Self {
+            body: Body::Detected(body),
+            most: None,
         })
     }
 

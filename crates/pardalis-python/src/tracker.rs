@@ -33,7 +33,7 @@ pub(crate) struct Tracker {
     /// Whether each target is a crowd.
     are_crowds: Vec<bool>,
     /// Whether each target is detected by another program.
-    are_boxed: Vec<bool>,
+    take_boxes: Vec<bool>,
 }
 
 /// The position of a name in a list; what is called such is named in the error.
@@ -135,7 +135,7 @@ impl Tracker {
         let mut setup = pardalis::Tracker::builder();
         setup.seed(seed);
         let (mut camera_names, mut target_names) = (Vec::new(), Vec::new());
-        let (mut are_crowds, mut are_boxed) = (Vec::new(), Vec::new());
+        let (mut are_crowds, mut take_boxes) = (Vec::new(), Vec::new());
         for name in cameras.keys() {
             camera_names.push(name.extract()?);
         }
@@ -174,7 +174,7 @@ impl Tracker {
                 .map_err(|_| is_no("targets", &name, "Target"))?;
             setup.target(target.get().settings());
             are_crowds.push(target.get().is_crowd());
-            are_boxed.push(target.get().is_boxed());
+            take_boxes.push(target.get().takes_boxes());
         }
         Ok(Self {
             tracker: setup.build().map_err(value_error)?,
@@ -182,7 +182,7 @@ impl Tracker {
             targets: target_names,
             platforms: platform_names,
             are_crowds,
-            are_boxed,
+            take_boxes,
         })
     }
 
@@ -213,11 +213,11 @@ impl Tracker {
         for warning in &scene.warnings {
             warn(py, &warning.to_string())?;
         }
-        let is_boxed = |target: &TargetConfig| target.bodies.iter().any(|b| b.class().is_some());
+        let takes_boxes = |target: &TargetConfig| target.bodies.iter().any(|b| b.class().is_some());
         Ok(Self {
             tracker,
             are_crowds: scene.targets.iter().map(|t| t.crowd.is_some()).collect(),
-            are_boxed: scene.targets.iter().map(is_boxed).collect(),
+            take_boxes: scene.targets.iter().map(takes_boxes).collect(),
             cameras: scene.cameras.into_iter().map(|c| c.name).collect(),
             targets: scene.targets.into_iter().map(|t| t.name).collect(),
             platforms: scene.platforms.into_iter().map(|p| p.name).collect(),
@@ -227,7 +227,7 @@ impl Tracker {
     /// Observe the images (height x width x 3 bytes) of one camera or several, by name, that were taken at the same time in seconds.
     ///
     /// Each time must be later than the one before. Without images, targets are only predicted. `boxes` are what another program detected in the images of this time, by camera and
-    /// then by target, of targets of `Target.of_boxes`: rows of left, top, right, bottom and, if there is one, score (N x 4 or N x 5). Pixel centres have integer coordinates.
+    /// then by target, of targets of `Target.of_boxes` or `with_boxes`: rows of left, top, right, bottom and, if there is one, score (N x 4 or N x 5). Pixel centres have integer coordinates.
     /// No rows say that nothing was found; cameras that are left out were not looked at. A camera with boxes needs no image.
     #[pyo3(signature = (images, time_s, boxes=None))]
     fn observe(
@@ -260,9 +260,9 @@ impl Tracker {
             for (target, found) in of_camera {
                 let target_name: String = target.extract()?;
                 let target = self.target_id(&target_name)?;
-                if !self.are_boxed[target.index()] {
+                if !self.take_boxes[target.index()] {
                     return Err(PyValueError::new_err(format!(
-                        "\"{target_name}\" is found in the images; pass boxes of targets of Target.of_boxes"
+                        "\"{target_name}\" is found in the images; pass boxes of targets of Target.of_boxes or with_boxes"
                     )));
                 }
                 let what = format!("boxes[\"{name}\"][\"{target_name}\"]");

@@ -72,8 +72,37 @@ def test_boxes_beside_a_target_in_the_images():
         tracker.observe({"cam": image}, number / 25, {"cam": {"told": [[100, 100, 150, 150]]}})
     assert [tracker.estimate(name).state for name in ("seen", "told")] == ["tracking"] * 2
     np.testing.assert_allclose(CAMERA.project([tracker.estimate("told").position_m]), [[125, 125]], atol=3)
-    with pytest.raises(ValueError, match='"seen" is found in the images; pass boxes of targets of Target.of_boxes'):
+    with pytest.raises(ValueError, match='"seen" is found in the images; pass boxes of targets of Target.of_boxes or with_boxes'):
         tracker.observe({"cam": image}, 1.0, {"cam": {"seen": []}})
+
+
+def test_boxes_tell_which_of_two_balls_is_meant():
+    v, u = np.mgrid[:480, :640]
+
+    def image(*middles):
+        image = np.full((480, 640, 3), 90, np.uint8)
+        mask = np.zeros(u.shape, bool)
+        for middle in middles:
+            mask |= np.hypot(u - middle[0], v - middle[1]) < 25
+        image[mask] = [230, 110, 20]
+        return image, mask
+
+    first, mask = image((400, 240))
+    colors = Target(Shape.ball(RADIUS_M), ColorModel.learn([first], [mask]))
+    with pytest.raises(ValueError, match="side_sigma is 0; allowed"):
+        colors.with_boxes(side_sigma=0)
+    with pytest.raises(ValueError, match="for a single target with colours"):
+        Target.of_boxes(Shape.ball(RADIUS_M)).with_boxes()
+    both = image((400, 240), (150, 200))[0]
+    for target, states in [(colors, {"searching"}), (colors.with_boxes(detection_probability=0.8), {"tracking"})]:
+        tracker = Tracker({"cam": CAMERA}, {"ball": target})
+        for number in range(6):
+            # Off by three pixels to the right.
+            boxes = {"cam": {"ball": [[128, 175, 178, 225]]}} if "tracking" in states else None
+            tracker.observe({"cam": both}, number / 25, boxes)
+        estimate = tracker.estimate("ball")
+        assert {estimate.state} == states
+    np.testing.assert_allclose(CAMERA.project([estimate.position_m]), [[150, 200]], atol=0.5)
 
 
 def test_errors_say_which_box():

@@ -15,7 +15,7 @@ pub struct DetectorConfig {
 
 /// Reads the table `detector`.
 pub(super) fn read_detector(table: &Table) -> Option<DetectorConfig> {
-    let about = "The target is found by another program, such as a neural network, and not by its colours: by the boxes in the files that the cameras' `detections` name.";
+    let about = "Another program, such as a neural network, finds the target: its boxes are in the files that the cameras' `detections` name. Without `colors` it alone does; with them, boxes say where to look and which of several outlines is the target's, and edges say where exactly it is.";
     table.section("detector", about, |detector| {
         let default = DetectorSettings::default();
         let class = detector

@@ -76,6 +76,8 @@ pub enum TrackingConfig {
     Detected {
         /// The edge cue.
         edge: EdgeSettings,
+        /// Another program's detector beside it.
+        detector: Option<DetectorConfig>,
         /// Its motion model.
         motion: Motion,
         /// The number of particles.
@@ -94,7 +96,7 @@ pub enum TrackingConfig {
         /// The start of its particles, with its position in the scene file.
         start: Located<StartConfig>,
     },
-    /// Another program detects it.
+    /// Another program alone detects it.
     Boxed {
         /// The detector.
         detector: DetectorConfig,
@@ -113,6 +115,7 @@ pub enum TrackingConfig {
 enum Shared {
     Detected {
         edge: EdgeSettings,
+        detector: Option<DetectorConfig>,
         motion: Option<Motion>,
         particle_count: usize,
         existence: Option<ExistenceSettings>,
@@ -129,16 +132,8 @@ enum Shared {
     },
 }
 
-/// What replaces the tracker's own cues if the target has a detector, and colours and landmarks with them.
-const WITHOUT_DETECTOR: [&str; 7] = [
-    "contour",
-    "window",
-    "region",
-    "difference",
-    "edge",
-    "colors",
-    "landmarks",
-];
+/// What a target with a detector cannot have.
+const WITHOUT_DETECTOR: [&str; 5] = ["contour", "window", "region", "difference", "landmarks"];
 
 impl TargetConfig {
     /// Reads one target. Returns `None` after reporting a problem to the journal.
@@ -168,15 +163,21 @@ impl TargetConfig {
             table.has("start") || landmarks.iter().any(|(_, landmark)| landmark.has("start"));
         let cues = read_cues(&table, typical.as_ref(), &cameras.all, has_start);
         let detector = read_detector(&table);
-        let shared = if table.has("detector") && !table.is_describing() {
-            for key in WITHOUT_DETECTOR {
+        let has_detector = table.has("detector") && !table.is_describing();
+        // With colours, it is beside the tracker's own cue.
+        let is_boxed = has_detector && !table.has("colors");
+        if has_detector {
+            let without_colors = is_boxed.then_some("edge");
+            for key in WITHOUT_DETECTOR.into_iter().chain(without_colors) {
                 if table.knows(key) {
                     table.conflict(key, "detector");
                 }
             }
+        }
+        let shared = if is_boxed {
             Some(read_boxed(&table, typical.as_ref(), detector))
         } else {
-            read_shared(&table, typical.as_ref(), cues)
+            read_shared(&table, typical.as_ref(), cues, detector)
         };
         let motion = match &shared {
             Some(Shared::Detected { motion, .. } | Shared::Boxed { motion, .. }) => *motion,
@@ -338,6 +339,12 @@ fn read_crowd(table: &Table, has_landmarks: bool, shared: Option<&Shared>) -> Op
         _ if table.has("start") && !table.is_describing() => {
             table.problem("count", "is \"any\", but a start is that of one target; remove start, or give one target for each");
         }
+        Some(Shared::Detected {
+            detector: Some(_), ..
+        }) => {
+            let message = "is \"any\", but boxes beside colours are those of one target; remove the detector, or the colours";
+            table.problem("count", message);
+        }
         Some(Shared::Initialized { .. }) => {
             let message = "is \"any\", but the published cues follow one target from its start; remove them, so that the targets are detected";
             table.problem("count", message);
@@ -398,9 +405,11 @@ impl BodyConfig {
     /// Returns the class of its boxes, if another program detects it.
     pub fn class(&self) -> Option<&str> {
         match &self.tracking {
-            TrackingConfig::Boxed { detector, .. } => {
-                Some(detector.class.as_deref().unwrap_or(&self.name))
-            }
+            TrackingConfig::Boxed { detector, .. }
+            | TrackingConfig::Detected {
+                detector: Some(detector),
+                ..
+            } => Some(detector.class.as_deref().unwrap_or(&self.name)),
             _ => None,
         }
     }
@@ -420,6 +429,7 @@ impl BodyConfig {
         match &self.tracking {
             TrackingConfig::Detected {
                 edge,
+                detector,
                 motion,
                 particle_count,
                 existence,
@@ -432,6 +442,7 @@ impl BodyConfig {
                 settings.size = self.size;
                 settings.turns = self.turns;
                 settings.edge = *edge;
+                settings.detector = detector.as_ref().map(|detector| detector.settings);
                 settings.motion = *motion;
                 settings.particle_count = *particle_count;
                 settings.existence = *existence;
@@ -549,6 +560,7 @@ impl Shared {
         match self {
             Self::Detected {
                 edge,
+                detector,
                 motion,
                 particle_count,
                 existence,
@@ -556,6 +568,7 @@ impl Shared {
                 let start = read_detected_start(table, name, cameras);
                 Some(TrackingConfig::Detected {
                     edge: *edge,
+                    detector: detector.clone(),
                     motion: (*motion)?,
                     particle_count: *particle_count,
                     existence: (*existence)?,
@@ -590,7 +603,12 @@ impl Shared {
 }
 
 /// Reads the settings that the bodies of a target share. Returns `None` if its cues are invalid.
-fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -> Option<Shared> {
+fn read_shared(
+    table: &Table,
+    shape: Option<&Shape>,
+    cues: Option<CuesConfig>,
+    detector: Option<DetectorConfig>,
+) -> Option<Shared> {
     if table.is_describing() {
         // Declares the keys of both ways.
         read_filter(table, shape);
@@ -600,6 +618,7 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
     match cues {
         Some(CuesConfig::Edge(edge)) => Some(Shared::Detected {
             edge,
+            detector,
             motion: read_detected_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS),
             particle_count: read_detected_particles(table),
             existence: read_existence(table, ExistenceSettings::default()),
@@ -608,6 +627,10 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
             if table.knows("existence") {
                 let message = "needs the edge cue: the published cues track a target that always exists; remove it, or replace them by edge";
                 table.problem("existence", message);
+            }
+            if detector.is_some() {
+                let message = "needs the edge cue, and a start selects the published ones; add edge = {}, or remove the start";
+                table.problem("detector", message);
             }
             Some(Shared::Initialized {
                 cues,

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use pardalis::tracker::{Candidate, Origin, TrackState, Verdict};
 use pardalis::{TargetId, Tracker};
-use pardalis_scene::TargetConfig;
+use pardalis_scene::{BodyConfig, TargetConfig, TrackingConfig};
 
 use super::{Instant, Sink};
 
@@ -115,7 +115,8 @@ impl MissedFrames {
 
 /// Returns whether another program detects a target.
 pub(crate) fn is_boxed(target: &TargetConfig) -> bool {
-    target.bodies.iter().any(|body| body.class().is_some())
+    let is_boxed = |body: &BodyConfig| matches!(body.tracking, TrackingConfig::Boxed { .. });
+    target.bodies.iter().any(is_boxed)
 }
 
 /// Returns whether there is an estimate in a state.
@@ -187,6 +188,7 @@ pub(crate) fn what(verdict: Verdict, is_boxed: bool) -> String {
         Verdict::Covered => "too little of the outline shows its colours".to_owned(),
         Verdict::OtherOutline => format!("{area} has another outline"),
         Verdict::OtherColor => "the area with its outline has another mean colour".to_owned(),
+        Verdict::NoBox => "the detector has no box there".to_owned(),
         Verdict::OutsideRegion => "the likeliest candidate is outside existence.region".to_owned(),
         Verdict::Stray => {
             "the likeliest candidate for a landmark is too far from the other landmarks".to_owned()
@@ -215,6 +217,9 @@ fn remedy(verdict: Verdict, is_boxed: bool) -> &'static str {
         Verdict::NoEdges => "look for blur and for surroundings in its colours",
         Verdict::Covered => "check whether something covers it, or whether it is something else",
         Verdict::OtherOutline => "check its shape, and learn from labels along its outline",
+        Verdict::NoBox => {
+            "check detector.class and detector.detection_probability, and whether the boxes are in pixels of these images"
+        }
         Verdict::OutsideRegion => "check existence.region, the camera's pose and the target's size",
         Verdict::Stray => "look for other things in the landmark's colours",
         Verdict::LookAlike | Verdict::Rival => {

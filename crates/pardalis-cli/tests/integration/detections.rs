@@ -258,6 +258,44 @@ fn boxes_are_explained() {
 }
 
 #[test]
+fn boxes_beside_colours_leave_the_place_to_the_edges() {
+    let place = Workplace::with_frames(FRAMES);
+    place.write("boxes.csv", file());
+    let colors = "colors = \"ball.toml\"\n";
+    let beside = scene() + colors;
+    let alone = beside
+        .replace("detections = \"boxes.csv\"\n", "")
+        .replace("detector = {}\n", "");
+    assert!(!alone.contains("detect"), "{alone}");
+    let off_m = |scene: &str| {
+        place
+            .track_with(scene.to_owned(), &["-o", "out", "--no-plots", "--explain"])
+            .fine();
+        let rows = place.rows();
+        let off_m = rows.iter().zip(truth_m()).map(|(row, truth_m)| {
+            assert_eq!(row[3], "tracking", "{row:?}");
+            let off_m = [4, 5, 6].map(|at| row[at].parse::<f64>().unwrap() - truth_m[at - 4]);
+            off_m.iter().map(|off| off * off).sum::<f64>()
+        });
+        let sum: f64 = off_m.sum();
+        (sum / rows.len() as f64).sqrt()
+    };
+    let [alone_m, beside_m] = [off_m(&alone), off_m(&beside)];
+    assert!(beside_m < 1.02 * alone_m, "{alone_m} {beside_m}");
+    // A detector that never sees the ball is believed, from the second image on.
+    let text = file().replace(",ball,", ",lamp,") + "0,ball,600,400,630,430,0.2\n";
+    place.write("boxes.csv", text);
+    let run = place.track_with(beside, &["-o", "out", "--no-plots", "--explain"]);
+    let states: Vec<_> = place.rows().iter().map(|row| row[3].clone()).collect();
+    assert!(
+        states[1..].iter().all(|state| state == "lost"),
+        "{states:?}"
+    );
+    let wanted = "the detector has no box there (no-box): check detector.class";
+    assert!(run.stderr.contains(wanted), "{}", run.stderr);
+}
+
+#[test]
 fn a_simulated_detector_is_tracked() {
     let place = tempfile::tempdir().unwrap();
     let world = "seed = 2\nduration_s = 1.2\n[detector]\nfalse_per_image = 1\n[timing]\nfps = 25\n\

@@ -117,6 +117,14 @@ class Target:
         particle_count: int = 500,
         max_count: int | None = None,
     ) -> Target: ...
+    def with_boxes(
+        self,
+        *,
+        detection_probability: float = 0.9,
+        false_per_image: float = 0.5,
+        side_sigma: float = 0.05,
+        min_score: float = 0.0,
+    ) -> Target: ...
 
 @final
 class Estimate:

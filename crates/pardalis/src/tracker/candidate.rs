@@ -110,6 +110,8 @@ pub enum Verdict {
     OtherOutline,
     /// Its mean colour differs from that of the target.
     OtherColor,
+    /// A detector that looked at the image has no box there.
+    NoBox,
     /// It is where the target cannot be.
     OutsideRegion,
     /// It is too far from the target's other landmarks.
@@ -126,7 +128,7 @@ pub enum Verdict {
 
 impl Verdict {
     /// All verdicts.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::NoColors,
         Self::Surplus,
         Self::SamePlace,
@@ -138,6 +140,7 @@ impl Verdict {
         Self::Covered,
         Self::OtherOutline,
         Self::OtherColor,
+        Self::NoBox,
         Self::OutsideRegion,
         Self::Stray,
         Self::LookAlike,
@@ -160,6 +163,7 @@ impl Verdict {
             Self::Covered => "covered",
             Self::OtherOutline => "other-outline",
             Self::OtherColor => "other-color",
+            Self::NoBox => "no-box",
             Self::OutsideRegion => "outside-region",
             Self::Stray => "stray",
             Self::LookAlike => "look-alike",

@@ -87,7 +87,7 @@ impl FrameSet {
         })
     }
 
-    /// Adds what a detector found of a [boxed](super::BoxedSettings) target in a camera's image of this instant, whose frame may be in the set, too, or not: nothing, one box, or several of which
+    /// Adds what a detector found of a target that has one ([`BoxedSettings`](super::BoxedSettings), [`DetectedSettings::detector`](super::DetectedSettings::detector)) in a camera's image of this instant, whose frame may be in the set, too, or not: nothing, one box, or several of which
     /// one is the target's. Of a crowd, each may be a member's. An empty list says that the detector looked at the image and found nothing; without a list it did not look.
     ///
     /// ```

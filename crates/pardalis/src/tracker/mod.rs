@@ -115,6 +115,14 @@ impl Tracker {
                 let value = format!("{pair:?}");
                 return Err(Error::out_of_range("heading", value, &allowed));
             }
+            let has_detector = |body: &BodySettings| match body {
+                BodySettings::Detected(body) => body.detector.is_some(),
+                BodySettings::Initialized(_) | BodySettings::Boxed(_) => false,
+            };
+            if count > 1 && settings.bodies.iter().any(has_detector) {
+                let allowed = "a target of one body: boxes beside colours do not say which landmark or member of a crowd they are";
+                return Err(Error::out_of_range("detector", "Some", allowed));
+            }
             let first = bodies.len();
             for (landmark, body) in settings.bodies.iter().enumerate() {
                 let stream = number + (landmark << LANDMARK_BITS);
@@ -528,9 +536,13 @@ impl Tracker {
         for boxes in set.boxes() {
             CameraId::new(boxes.camera).check(self.views.len())?;
             let target = self.target(TargetId::new(boxes.target))?;
-            let is_boxed = |body: &TargetTracker| matches!(body, TargetTracker::Boxed(_));
-            if !self.bodies[target.bodies.clone()].iter().all(is_boxed) {
-                let allowed = "a boxed target: the tracker finds others by itself";
+            let takes_boxes = |body: &TargetTracker| match body {
+                TargetTracker::Boxed(_) => true,
+                TargetTracker::Detected(body) => body.has_boxes(),
+                TargetTracker::Initialized(_) => false,
+            };
+            if !self.bodies[target.bodies.clone()].iter().all(takes_boxes) {
+                let allowed = "a target with a detector";
                 return Err(Error::out_of_range("target", boxes.target, allowed));
             }
         }

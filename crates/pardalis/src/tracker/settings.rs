@@ -123,6 +123,9 @@ pub struct DetectedSettings {
     pub colors: ColorModel,
     /// The edge cue.
     pub edge: EdgeSettings,
+    /// Another program's detector whose boxes tell the target from other things of its colours and form; give them with
+    /// [`FrameSet::with_boxes`](super::FrameSet::with_boxes). Images without a list of boxes are tracked as without a detector.
+    pub detector: Option<DetectorSettings>,
     /// Motion model: white noise on velocity or position; see
     /// [`BernoulliFilter::new`](pardalis_filter::bernoulli::BernoulliFilter::new).
     pub motion: Motion,
@@ -156,6 +159,7 @@ impl DetectedSettings {
             turns: true,
             colors,
             edge: EdgeSettings::default(),
+            detector: None,
             motion: on_ground(ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into(), &shape),
             particle_count: Self::PARTICLE_COUNT,
             existence: ExistenceSettings::default(),

@@ -40,7 +40,7 @@ impl TargetTracker {
     ) -> Result<Self, Error> {
         Ok(match settings {
             BodySettings::Detected(settings) => Self::Detected(Box::new(DetectedTarget::new(
-                settings, draws, views, level,
+                settings, target, draws, views, level,
             )?)),
             BodySettings::Initialized(settings) => {
                 let target = InitializedTarget::new(settings, draws, views, level)?;

@@ -1,6 +1,7 @@
 //! Integration tests of the tracker and its kernels, in one executable.
 
 mod boxed;
+mod boxes_beside;
 mod challenge;
 mod common;
 mod contradictions;

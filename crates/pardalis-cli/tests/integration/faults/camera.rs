@@ -180,7 +180,9 @@ impl Cameras {
         let source = |number: usize| {
             let settings = &self.settings;
             // All frames come at once.
-            format!("video = \"udp://cam{number}\"\ninput.when_behind = \"wait\"\n{settings}")
+            format!(
+                "video = \"udp://lab:5000/cam{number}\"\ninput.when_behind = \"wait\"\n{settings}"
+            )
         };
         let mut scene = scene_with("images = \"images\"\nfps = 25", &source(1));
         let rest = scene.find("model.").unwrap();
@@ -197,7 +199,7 @@ impl Cameras {
 
     /// Returns the scene of the first camera with a file in its place.
     pub(super) fn scene_of_file(&self, name: &str) -> String {
-        let live = "\"udp://cam1\"\ninput.when_behind = \"wait\"";
+        let live = "\"udp://lab:5000/cam1\"\ninput.when_behind = \"wait\"";
         self.scene().replace(live, &format!("\"{name}\""))
     }
 

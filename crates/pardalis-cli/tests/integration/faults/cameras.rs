@@ -54,10 +54,10 @@ fn a_camera_that_changes_its_size_is_opened_again_until_it_has_the_first_one() {
     let run = cameras.track();
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let lines: Vec<&str> = run.stderr.lines().collect();
-    let wanted = "udp://cam1: frame 4 is not 640 x 480 pixels large";
+    let wanted = "udp://lab:5000/cam1: frame 4 is not 640 x 480 pixels large";
     assert!(lines[0].contains(wanted), "{}", run.stderr);
     assert!(
-        lines[1].contains("udp://cam1: is back after "),
+        lines[1].contains("udp://lab:5000/cam1: is back after "),
         "{}",
         run.stderr
     );
@@ -121,7 +121,7 @@ fn a_camera_that_stops_for_good_is_named_and_does_not_stop_the_other() {
     cameras.opening("cam2", 1, Stream::of(SIZE_PX).ball(&images[..4], 0.0));
     let run = cameras.track();
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let wanted = "cameras.cam2: stopped: udp://cam2: did not come back within 1 s: ";
+    let wanted = "cameras.cam2: stopped: udp://lab:5000/cam2: did not come back within 1 s: ";
     assert!(run.stderr.contains(wanted), "{}", run.stderr);
     // What ffmpeg said last.
     assert!(run.stderr.contains("[error] unplugged"), "{}", run.stderr);

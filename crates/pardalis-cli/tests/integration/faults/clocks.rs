@@ -20,7 +20,7 @@ fn a_live_camera_whose_clock_is_set_goes_on_beside_the_other() {
         let run = cameras.track();
         assert_eq!(run.code, Some(0), "{}", run.stderr);
         let wanted = format!(
-            "warning: udp://cam1: its time stamps jumped by {}",
+            "warning: udp://lab:5000/cam1: its time stamps jumped by {}",
             jump_s as i64
         );
         // By a fraction of a second more or less, because all frames come at once.

@@ -22,7 +22,7 @@ fn a_live_ffmpeg_that_hangs_from_the_start_is_given_up() {
     let cameras = Cameras::with_script(1, "input.timeout_s = 1", "exec sleep 1000");
     let run = cameras.track();
     assert_eq!(run.code, Some(2), "{}", run.stderr);
-    let wanted = "line 3: cameras.cam1.video: udp://cam1: no frame came within 1 s; check that the camera sends to this port";
+    let wanted = "line 3: cameras.cam1.video: udp://lab:5000/cam1: no frame came within 1 s; check that the camera sends to this port";
     assert!(run.stderr.contains(wanted), "{}", run.stderr);
 }
 
@@ -75,7 +75,7 @@ fn an_ffmpeg_that_dies_is_named_with_its_last_words() {
         let cameras = stream_then(ending, 1, "input.reopen_s = 0");
         let run = cameras.track();
         assert_eq!(run.code, Some(0), "{}", run.stderr);
-        let stopped = format!("warning: cameras.cam1: stopped: udp://cam1: {wanted}");
+        let stopped = format!("warning: cameras.cam1: stopped: udp://lab:5000/cam1: {wanted}");
         assert!(run.stderr.contains(&stopped), "{}", run.stderr);
         assert!(run.stderr.contains("[fatal] unplugged"), "{}", run.stderr);
         assert_eq!(cameras.times_s().len(), FRAMES);

@@ -1,8 +1,9 @@
 //! Settings of detected targets.
 
-use pardalis::color::ColorModel;
+use pardalis::color::{ColorModel, YuvEncoding};
 use pardalis::likelihood::{Cue, EdgeSettings};
 use pardalis::tracker::{BodySettings, DetectedSettings, ExistenceSettings, SizeTolerance};
+use pardalis::{Frame, PixelFormat};
 use pardalis_scene::{Scene, StartConfig};
 
 use super::{SCENE, assert_rejected, parsed};
@@ -120,6 +121,32 @@ fn a_target_with_a_detector_needs_no_colors() {
 }
 
 #[test]
+fn a_detector_beside_colors_serves_the_edge_cue() {
+    let text = "colors = \"b.toml\"\nedge.correspondence_lines = 40\ndetector = { class = \"sports ball\", min_score = 0.25 }";
+    let scene = with_detector(BOXES, text).unwrap();
+    let body = &scene.targets[0].bodies[0];
+    assert_eq!(body.class(), Some("sports ball"));
+    assert!(body.settings(None, None).is_err(), "without colours");
+    let frame = Frame::new(
+        PixelFormat::Rgb8,
+        YuvEncoding::default(),
+        2,
+        1,
+        vec![200, 20, 20, 20, 20, 200],
+        0.0,
+    );
+    let colors = ColorModel::from_image(&frame.unwrap(), &[true, false]).unwrap();
+    let BodySettings::Detected(settings) = body.settings(Some(colors), None).unwrap() else {
+        panic!("{body:?}")
+    };
+    assert_eq!(settings.edge.correspondence_lines, 40);
+    assert_eq!(settings.detector.map(|it| it.min_score), Some(0.25));
+    // A start does not select the published cues if the edge cue is there.
+    let start = "start.gaussian = { position_m = [0, 0, 0], position_sigma_m = 1 }";
+    with_detector(BOXES, &format!("{text}\n{start}")).unwrap();
+}
+
+#[test]
 fn detectors_without_files_and_with_other_cues_are_rejected_by_key() {
     for (camera, ball, expected) in [
         (
@@ -132,12 +159,22 @@ fn detectors_without_files_and_with_other_cues_are_rejected_by_key() {
             "colors = \"b.toml\"",
             "cameras: cam1 has detections, and no target has a detector",
         ),
+        (BOXES, "detector = {}\nedge = {}", "targets.ball.edge: "),
         (
             BOXES,
-            "detector = {}\ncolors = \"b.toml\"",
-            "targets.ball.colors: ",
+            "detector = {}\ncolors = \"b.toml\"\ncontour = {}",
+            "targets.ball.contour: ",
         ),
-        (BOXES, "detector = {}\nedge = {}", "targets.ball.edge: "),
+        (
+            BOXES,
+            "detector = {}\ncolors = \"b.toml\"\nstart.gaussian = { position_m = [0, 0, 0], position_sigma_m = 1 }",
+            "targets.ball.detector: needs the edge cue",
+        ),
+        (
+            BOXES,
+            "detector = {}\ncolors = \"b.toml\"\ncount = \"any\"",
+            "targets.ball.count: is \"any\", but boxes beside colours",
+        ),
         (
             BOXES,
             "detector.side_sigma = 0",

@@ -13,7 +13,7 @@ const SIN_STEP: f64 = 0.382_683_432_365_089_8;
 
 /// A body, with the points that determine the box around its outline.
 #[derive(Debug, Clone)]
-pub(super) struct BodyBox {
+pub(in crate::tracker) struct BodyBox {
     points: Points,
     /// The height of its middle above its position, metres.
     middle_m: f64,

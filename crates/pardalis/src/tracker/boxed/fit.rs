@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::body_box::BodyBox;
 use super::sight::{Fit, Sight, clipped, ray_through};
+use crate::shape::Shape;
 use crate::view::View;
 
 /// Steps of the fit. Derivation: each is a Gauss-Newton step, damped where it does not improve; four are usual.
@@ -19,8 +20,8 @@ const FARTHEST_DIAMETERS: f64 = 1e4;
 
 /// A body, and where it can be.
 #[derive(Debug, Clone)]
-pub(super) struct Body {
-    pub(super) outline: BodyBox,
+pub(in crate::tracker) struct Body {
+    pub(in crate::tracker) outline: BodyBox,
     pub(super) diameter_m: f64,
     /// The height of a body that stays on the ground, metres.
     pub(super) ground_z_m: Option<f64>,
@@ -38,6 +39,15 @@ struct Slopes {
 }
 
 impl Body {
+    /// A body of this shape, on the ground at this height (metres) if it stays there.
+    pub(in crate::tracker) fn new(shape: &Shape, ground_z_m: Option<f64>) -> Self {
+        Self {
+            outline: BodyBox::new(shape),
+            diameter_m: shape.diameter_m(),
+            ground_z_m,
+        }
+    }
+
     /// Fits the position to boxes of one body, each in its camera's image. `None` if it would be out of the images, or there is no such position.
     pub(super) fn fit<'s>(
         &self,
@@ -132,7 +142,7 @@ impl Body {
     }
 
     /// The position that one box measures.
-    pub(super) fn fit_one(&self, views: &[View], sight: &Sight) -> Option<Fit> {
+    pub(in crate::tracker) fn fit_one(&self, views: &[View], sight: &Sight) -> Option<Fit> {
         let view = &views[sight.camera];
         let (origin, direction) = sight.ray(view)?;
         let by_size = self.start_by_size(view, sight, (origin, direction));

@@ -27,14 +27,15 @@ use super::track::{Instant, Track, mean_log_ratio};
 use super::{BodyMeasurement, Estimate, TrackState};
 use crate::tuning::ExistenceTuning;
 use crate::view::View;
-use body_box::BodyBox;
-use fit::Body;
+pub(super) use fit::Body;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::GaussianStart;
-use sight::{Fit, Sight};
+use sight::Fit;
+pub(super) use sight::Sight;
+pub(super) use update::log_ratio;
 
 /// Before the first frames a body may have appeared for this long, seconds. Hand-set: a frame or two, so that no single box is believed.
 const FIRST_S: f64 = 0.05;
@@ -112,11 +113,8 @@ impl BoxedTarget {
         }
         let (shape, motion, existence) = (settings.shape, settings.motion, settings.existence);
         let tuning = ExistenceTuning::DEFAULT;
-        let body = Body {
-            outline: BodyBox::new(&shape),
-            diameter_m: shape.diameter_m(),
-            ground_z_m: motion.is_planar().then_some(existence.ground_z_m),
-        };
+        let ground_z_m = motion.is_planar().then_some(existence.ground_z_m);
+        let body = Body::new(&shape, ground_z_m);
         let reaches_m = views.iter().filter_map(|view| body.reach_m(view, LEAST_PX));
         let reach_m = reaches_m.fold(shape.diameter_m(), f64::max);
         let birth_density = libm::pow(reach_m, if motion.is_planar() { -2.0 } else { -3.0 });

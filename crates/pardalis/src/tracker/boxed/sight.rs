@@ -24,8 +24,8 @@ const MAX_ODDS: f64 = 19.0;
 
 /// A box in the image of a camera.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sight {
-    pub(super) camera: usize,
+pub(in crate::tracker) struct Sight {
+    pub(in crate::tracker) camera: usize,
     /// Left, top, right and bottom side, pixels, within the image.
     pub(super) sides_px: [f64; 4],
     /// Whether the border of the image may cut off a part of its width and of its height.
@@ -37,7 +37,7 @@ pub(super) struct Sight {
     /// The logarithm of the density of clutter there, 1/px⁴.
     pub(super) log_clutter: f64,
     /// The position that it measures.
-    pub(super) fit: Option<Fit>,
+    pub(in crate::tracker) fit: Option<Fit>,
     /// By how many nats it is less likely this body's because it may be another's.
     assigned: f64,
     /// What the density of the sides is multiplied by for the ratio to clutter, px⁴.
@@ -46,9 +46,9 @@ pub(super) struct Sight {
 
 /// A position that boxes measure.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Fit {
+pub(in crate::tracker) struct Fit {
     /// Metres.
-    pub(super) position_m: Vector3<f64>,
+    pub(in crate::tracker) position_m: Vector3<f64>,
     /// Square metres; on the ground without the vertical.
     pub(super) covariance_m2: Matrix3<f64>,
     /// How far it moves if the boxes are larger by a factor of e, metres.
@@ -93,7 +93,7 @@ pub(super) fn share_within(sides_px: [f64; 4], size: (usize, usize)) -> f64 {
 
 impl Sight {
     /// A box in the image of a camera; `None` if it is outside of the image or has too low a score.
-    pub(super) fn new(
+    pub(in crate::tracker) fn new(
         camera: usize,
         view: &View,
         found: &ImageBox,
@@ -146,7 +146,7 @@ impl Sight {
     }
 
     /// Returns the blob that fills the box.
-    pub(super) fn blob(&self) -> Blob {
+    pub(in crate::tracker) fn blob(&self) -> Blob {
         let [u0, v0, u1, v1] = self.sides_px;
         let [width, height] = [u1 - u0, v1 - v0];
         let pixel = |at: [f64; 2]| at.map(|v| v.round().max(0.0) as usize);

@@ -1,6 +1,6 @@
 //! The likelihood and the fit of boxes.
 
-use super::update::log_ratio;
+use super::body_box::BodyBox;
 use super::*;
 use crate::reference::boxes_log_ratio;
 use crate::shape::{Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
@@ -28,11 +28,7 @@ fn shapes() -> [Shape; 2] {
 }
 
 fn body(shape: &Shape) -> Body {
-    Body {
-        outline: BodyBox::new(shape),
-        diameter_m: shape.diameter_m(),
-        ground_z_m: matches!(shape, Shape::Upright(_)).then_some(0.0),
-    }
+    Body::new(shape, matches!(shape, Shape::Upright(_)).then_some(0.0))
 }
 
 #[test]

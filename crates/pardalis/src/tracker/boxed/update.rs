@@ -117,7 +117,7 @@ impl BoxedTarget {
 }
 
 /// The log-likelihood ratio of the boxes in one camera's image, given that a body is at a position (metres), against no body.
-pub(super) fn log_ratio<'s>(
+pub(in crate::tracker) fn log_ratio<'s>(
     (outline, view): (&BodyBox, &View),
     position_m: [f64; 3],
     sights: impl Iterator<Item = &'s Sight>,

@@ -37,7 +37,10 @@ impl DetectedTarget {
         associated.clear();
         for (number, detection) in detections.iter().enumerate() {
             let candidate = &mut candidates[detection.candidate()];
-            associated.extend(self.associate_one(number, detection, look_alikes, candidate));
+            let by_boxes = self.boxes.as_ref();
+            let by_boxes = by_boxes.map_or(0.0, |boxes| boxes.nats(frames, detection.position_m()));
+            let found = (number, detection, by_boxes);
+            associated.extend(self.associate_one(found, look_alikes, candidate));
         }
         self.leave_out_sights(frames, detections, associated, candidates);
         if !self.track.is_known()
@@ -98,11 +101,10 @@ impl DetectedTarget {
     }
 
     /// Compares a detection with clutter: things of the target's colours and form, uniformly distributed, a known number per frame. The sharper a
-    /// detection, the less likely clutter is just there. `None` if its covariance is singular, or it moves and its outline says too little.
+    /// detection, the less likely clutter is just there. Boxes of another program's detector say this much (nats) for it. `None` if its covariance is singular, or it moves and its outline says too little.
     fn associate_one(
         &self,
-        number: usize,
-        detection: &Detection,
+        (number, detection, by_boxes): (usize, &Detection, f64),
         look_alikes: &LookAlikes,
         candidate: &mut Candidate,
     ) -> Option<AssociatedDetection> {
@@ -148,14 +150,18 @@ impl DetectedTarget {
         let faint = (tuning.clear_contrast - detection.contrast())
             / (tuning.clear_contrast - tuning.faint_contrast);
         let faint = tuning.faint_nats * faint.clamp(0.0, 1.0);
-        let likeness = by_outline - covered + by_color + by_size - outside - streak - faint;
+        let seen = by_outline - covered + by_color + by_size - outside - streak - faint;
+        let likeness = seen + by_boxes;
         let contradiction = detection.contradiction_nats() / cameras / tuning.log_ratio_scale;
         let clutter_density = self.clutter_density();
         let place = (position_m, &covariance_m2);
         let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);
         let log_weight = likeness - libm::log(clutter_density) - assigned;
+        let if_covered = by_color.min(0.0) - contradiction + by_boxes.min(0.0);
+        // What a detector leaves out again and again may look again and again like the target: only the former speaks then.
+        let existing = by_boxes + if by_boxes < 0.0 { seen.min(0.0) } else { seen };
         let mut existence_log_ratio =
-            self.existence_log_ratio(place, likeness, by_color.min(0.0) - contradiction) - assigned;
+            self.existence_log_ratio(place, existing, if_covered) - assigned;
         if is_new_streak {
             existence_log_ratio = existence_log_ratio.min(tuning.max_new_streak_nats);
         }
@@ -170,6 +176,7 @@ impl DetectedTarget {
                 (of_color, Verdict::OtherColor),
                 (-outside, Verdict::OutsideRegion),
                 (by_size, Verdict::OtherOutline),
+                (by_boxes, Verdict::NoBox),
                 (-stray, Verdict::Stray),
                 (-assigned, Verdict::LookAlike),
             ];

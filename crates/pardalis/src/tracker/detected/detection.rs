@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::boxes::Boxes;
 use super::candidates::{CandidateSearch, at};
 use super::exposures::{self, Exposures};
 use crate::likelihood::edge::{
@@ -166,9 +167,9 @@ impl Detector {
     /// Finds the detections in these frames, and lists all candidates with what ruled them out so far.
     pub(super) fn detect(
         &mut self,
-        edge: &mut EdgeCue,
-        frames: &[EdgeFrame],
+        (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
         predicted: &Prediction,
+        boxes: Option<&Boxes>,
         candidates: &mut Vec<Candidate>,
     ) {
         let tuning = self.tuning;
@@ -210,6 +211,8 @@ impl Detector {
             let first = candidates.len();
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
+            let boxes = boxes.into_iter();
+            candidates.extend(boxes.flat_map(|boxes| boxes.candidates(&predicted.size)));
             for number in first..candidates.len() {
                 if self.is_known((edge, frames), candidates, (first, number)) {
                     candidates[number].verdict = Verdict::SamePlace;

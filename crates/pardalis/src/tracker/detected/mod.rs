@@ -6,6 +6,7 @@
 mod adaptation;
 mod agreement;
 mod association;
+mod boxes;
 mod candidates;
 mod challenge;
 mod detection;
@@ -44,6 +45,7 @@ use crate::view::View;
 use adaptation::{Adaptation, Certain};
 use agreement::Agreement;
 use association::AssociatedDetection;
+use boxes::Boxes;
 use challenge::{Challenge, Sighting, Winner};
 use detection::{Detector, Outline, Prediction};
 use exposures::Exposures;
@@ -73,6 +75,8 @@ pub(super) struct DetectedTarget {
     edge: EdgeCue,
     filter: BernoulliFilter,
     detector: Detector,
+    /// Those of another program, if there is one.
+    boxes: Option<Boxes>,
     /// One per camera, as the following.
     images: Vec<CameraImage>,
     adaptations: Vec<Adaptation>,
@@ -128,12 +132,16 @@ fn emptied<'b>(mut frames: Vec<EdgeFrame>) -> Vec<EdgeFrame<'b>> {
 impl DetectedTarget {
     pub(super) fn new(
         settings: &DetectedSettings,
+        target: usize,
         draws: Draws,
         views: &[View],
         level: Level,
     ) -> Result<Self, Error> {
         settings.existence.check()?;
         settings.tuning.check()?;
+        if let Some(detector) = &settings.detector {
+            detector.check()?;
+        }
         if let Some(start) = &settings.start {
             start.check()?;
         }
@@ -178,6 +186,9 @@ impl DetectedTarget {
                 (views.len(), settings.edge.correspondence_lines),
                 (&tuning, level),
             ),
+            boxes: settings
+                .detector
+                .map(|detector| Boxes::new(detector, target, (&shape, ground_z_m))),
             images: vec![CameraImage::default(); views.len()],
             adaptations: vec![Adaptation::default(); views.len()],
             visibilities: vec![None; views.len()],
@@ -212,6 +223,11 @@ impl DetectedTarget {
         if let Some(ranges) = self.edge.ranges() {
             view.prepare_ranges(kind, ranges);
         }
+    }
+
+    /// Whether another program's boxes are taken into account.
+    pub(super) fn has_boxes(&self) -> bool {
+        self.boxes.is_some()
     }
 
     pub(super) fn start(&self) -> Option<&GaussianStart> {
@@ -304,8 +320,15 @@ impl DetectedTarget {
                 .and_then(|heading| heading.prior(&self.tuning.heading)),
             is_challenged: self.challenge.is_open(),
         };
-        self.detector
-            .detect(&mut self.edge, &frames, &predicted, &mut candidates);
+        if let Some(boxes) = &mut self.boxes {
+            boxes.see(instant);
+        }
+        self.detector.detect(
+            (&mut self.edge, &frames),
+            &predicted,
+            self.boxes.as_ref(),
+            &mut candidates,
+        );
         let detections = self.detector.detections();
 
         self.associate(

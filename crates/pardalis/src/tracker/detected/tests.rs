@@ -20,7 +20,7 @@ fn target() -> DetectedTarget {
     let lens = Pinhole::new([100.0; 2], [19.5; 2], &[]).unwrap();
     let view = View::new(lens, Pose::identity(), (40, 40), None).unwrap();
     let settings = DetectedSettings::ball(0.1, colors).unwrap();
-    DetectedTarget::new(&settings, Draws::new(1, 0), &[view], Level::best()).unwrap()
+    DetectedTarget::new(&settings, 0, Draws::new(1, 0), &[view], Level::best()).unwrap()
 }
 
 #[test]
