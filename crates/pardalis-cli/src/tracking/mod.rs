@@ -54,6 +54,7 @@ use latency::{Latencies, Latency};
 pub(crate) use merge::{FrameSet, Limit, Merge};
 use missed::MissedFrames;
 use particle_rows::ParticleRows;
+pub(crate) use previous::{is_previous, previous_of};
 use recorder::Recorder;
 use rows::Rows;
 pub(crate) use sender::Destination;
@@ -356,7 +357,14 @@ fn write_report(
     let (path, rows) = (folder.join(report::REPORT), folder.join(ROWS));
     // A crowd without members has none.
     let rows = previous::has_rows(&rows).then_some(&*rows);
-    report::write(&path, (rows, folder), scene, Some(&summary), Vec::new())?;
+    report::write(
+        &path,
+        (rows, folder),
+        scene,
+        Some(&summary),
+        None,
+        Vec::new(),
+    )?;
     Ok(path)
 }
 
@@ -390,7 +398,7 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
 const ROWS: &str = "tracks.csv";
 
 /// The files of results in a folder, besides pictures and particles.
-const RESULTS: [&str; 8] = [
+const RESULTS: [&str; 9] = [
     ROWS,
     summary::FILE,
     CandidateRows::FILE,
@@ -399,6 +407,7 @@ const RESULTS: [&str; 8] = [
     smoothed::EVENTS,
     report::REPORT,
     report::VIEW,
+    report::COMPARISON,
 ];
 
 /// Removes the summary, the pictures, the pages, the candidates, the unsmoothed rows, the events and the particles of an earlier run, which would not be of
