@@ -9,7 +9,7 @@ import { Trail } from "pardalis/trail.js";
 const [SOLID, ELLIPSOID] = [[1, 0.45], [0.3, 0.15]];
 
 export class Body {
-  /** `isOther` says that it is of a second run. */
+  /** `isOther` says that it is of a second run, whose targets have no labels (`addLabel` is null). */
   constructor(parent, name, shape, addLabel, isOther) {
     this.parent = parent;
     this.name = name;
@@ -28,7 +28,7 @@ export class Body {
     this.drop.frustumCulled = false;
     parent.add(this.group, this.ellipsoid, this.drop);
     this.place = new Vector3(NaN, NaN, NaN);
-    this.removeLabel = addLabel(name, this.place, "pv-target-name");
+    this.removeLabel = addLabel?.(name, this.place, "pv-target-name");
   }
 
   setTrack(track, by, own, dash_m) {
@@ -84,7 +84,7 @@ export class Body {
   }
 
   dispose() {
-    this.removeLabel();
+    this.removeLabel?.();
     this.trail.dispose();
     for (const part of [this.solid, this.ellipsoid, this.arrow, this.drop]) {
       part.geometry.dispose();

@@ -81,8 +81,7 @@ class Stage {
       }
       for (const track of tracks.values()) {
         const { name } = track;
-        const label = run > 0 && runs[0].all.has(name) ? () => () => {} : this.addLabel;
-        if (!bodies.has(name)) bodies.set(name, new Body(this.world, name, shapeOf(name), label, run > 0));
+        if (!bodies.has(name)) bodies.set(name, new Body(this.world, name, shapeOf(name), run > 0 ? null : this.addLabel, run > 0));
         bodies.get(name).setTrack(track, by, colorOf(name, run), DASH * this.extent.radius);
       }
     });

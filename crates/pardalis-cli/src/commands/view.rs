@@ -167,7 +167,7 @@ fn page_scene(results: &Results, notes: &mut Vec<String>) -> PageScene {
     scene_of(summary, &results.folder).unwrap_or_else(|problem| {
         warn(format!("{problem}; the page shows no cameras"));
         notes.push(format!("Without cameras and shapes: {problem}."));
-        PageScene::of_balls(title_of(summary), &diameters_m(summary))
+        PageScene::of_balls(title_of(summary), &report::diameters_m(summary))
     })
 }
 
@@ -240,14 +240,6 @@ fn size_px(summary: &Value, camera: &str) -> Option<(usize, usize)> {
     let size_px = &summary["cameras"][camera]["source"]["size_px"];
     let side = |number: usize| usize::try_from(size_px[number].as_u64()?).ok();
     Some((side(0)?, side(1)?))
-}
-
-/// Returns the targets of a summary with their diameters in metres.
-fn diameters_m(summary: &Value) -> Vec<(String, f64)> {
-    let targets = summary["targets"].as_object().into_iter().flatten();
-    let known =
-        targets.filter_map(|(name, target)| Some((name.clone(), target["diameter_m"].as_f64()?)));
-    known.collect()
 }
 
 fn title_of(summary: &Value) -> String {

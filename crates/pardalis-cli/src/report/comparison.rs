@@ -74,7 +74,7 @@ struct Distance {
 
 /// A setting that differs, with its value in each run as JSON; none where it is not set.
 #[derive(Debug, PartialEq, Serialize)]
-struct Setting {
+pub(crate) struct Setting {
     key: String,
     values: [Option<String>; 2],
 }
@@ -235,7 +235,7 @@ fn median(values: &mut [f64]) -> Option<f64> {
 }
 
 /// Returns the settings that differ between two runs, by their keys.
-fn settings(summaries: [Option<&Value>; 2]) -> Vec<Setting> {
+pub(crate) fn settings(summaries: [Option<&Value>; 2]) -> Vec<Setting> {
     let [Some(first), Some(second)] = summaries else {
         return Vec::new();
     };

@@ -13,6 +13,8 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::files::write_file;
+#[cfg(feature = "studio")]
+pub(crate) use comparison::settings;
 pub(crate) use comparison::{Compared, Comparison, compare};
 pub(crate) use scene::{PageCamera, PageScene};
 
@@ -90,6 +92,14 @@ pub(crate) fn title(scene_path: &Path) -> String {
     let folder = path.parent().and_then(Path::file_name);
     let name = folder.filter(|_| stem == "scene").unwrap_or(stem);
     name.to_string_lossy().into_owned()
+}
+
+/// Returns the targets of a summary with their diameters in metres.
+pub(crate) fn diameters_m(summary: &Value) -> Vec<(String, f64)> {
+    let targets = summary["targets"].as_object().into_iter().flatten();
+    let known =
+        targets.filter_map(|(name, target)| Some((name.clone(), target["diameter_m"].as_f64()?)));
+    known.collect()
 }
 
 /// Reports whether a file is a page of the viewer, which another may replace.

@@ -4,6 +4,8 @@ pub(crate) mod agreement;
 mod annotate;
 mod candidate_rows;
 mod crossing_rows;
+#[cfg(feature = "studio")]
+mod earlier;
 mod frame_sets;
 mod latency;
 mod marks;
@@ -48,6 +50,8 @@ use crate::user_error::user_error;
 use annotate::Annotator;
 use candidate_rows::CandidateRows;
 use crossing_rows::CrossingRows;
+#[cfg(feature = "studio")]
+pub(crate) use earlier::earlier_runs;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
 use latency::{Latencies, Latency};
@@ -65,6 +69,8 @@ pub(crate) use summary::FILE as SUMMARY;
 pub(crate) use tracked::Tracked;
 pub(crate) use watch::Watch;
 use watch::WatchSink;
+#[cfg(feature = "studio")]
+pub(crate) use {marks::CONTOUR_POINTS, watch::written as mark_written};
 
 /// Where results go, and optional outputs.
 #[derive(Debug, Clone)]
@@ -119,6 +125,9 @@ pub(crate) enum Annotate {
 pub(crate) enum Previous {
     /// They are kept under another name.
     Keep,
+    /// They are kept in a numbered folder, with those of runs before it.
+    #[cfg(feature = "studio")]
+    Number,
     /// They are replaced, because they can be computed again.
     Replace,
 }
@@ -383,6 +392,10 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
     if let Some(particles) = &options.particles {
         particle_rows::check_path(particles, folder, &RESULTS)?;
     }
+    #[cfg(feature = "studio")]
+    if let (Previous::Number, Some(folder)) = (options.previous, folder) {
+        earlier::number_results(folder)?;
+    }
     if options.previous == Previous::Keep {
         if let Some(folder) = folder {
             previous::keep_results(folder)?;
@@ -395,7 +408,7 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
 }
 
 /// The file of the rows.
-const ROWS: &str = "tracks.csv";
+pub(crate) const ROWS: &str = "tracks.csv";
 
 /// The files of results in a folder, besides pictures and particles.
 const RESULTS: [&str; 9] = [

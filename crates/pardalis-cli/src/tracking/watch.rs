@@ -233,7 +233,8 @@ impl WatchSink {
     }
 }
 
-fn written(mark: &Mark) -> Value {
+/// Returns a mark for a page: see `drawMarks` of the studio's `picture.js`.
+pub(crate) fn written(mark: &Mark) -> Value {
     let shape = match mark.shape {
         Shape::Dots => "dots",
         Shape::Line => "line",

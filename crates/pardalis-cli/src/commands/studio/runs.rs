@@ -3,14 +3,23 @@
 use std::sync::{Arc, Weak};
 
 use anyhow::Result;
+use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::earlier;
 use super::running::Running;
 use super::session::Session;
 use super::waved::Waved;
 use crate::scene;
 use crate::tracking::Watch;
 use crate::user_error::user_error;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct OtherRun {
+    /// The number of an earlier run; none to compare with none.
+    run: Option<usize>,
+}
 
 impl Session {
     /// Starts to track the scene as it is, saved or not.
@@ -30,8 +39,11 @@ impl Session {
         // Live cameras can be open only once.
         inner.players.retain(|_, player| !player.is_live());
         let session = Weak::clone(&self.me);
+        self.replayed.set(None);
         let ended = move || {
             if let Some(session) = session.upgrade() {
+                let replay = session.inner().running.as_ref().and_then(Running::replay);
+                session.replayed.set(replay);
                 session.follow();
                 session.tell();
             }
@@ -59,6 +71,20 @@ impl Session {
         if let Some(running) = &self.inner().running {
             running.stop.request();
         }
+    }
+
+    /// Compares the last run with an earlier one.
+    pub(super) fn compare(&self, other: &OtherRun) -> Result<Value> {
+        let inner = self.inner();
+        let running = inner.running.as_ref().filter(|running| !running.goes_on());
+        let ended = running.map(|run| (run.folder().to_owned(), run.replay()));
+        drop(inner);
+        let Some((folder, replay)) = ended else {
+            return Err(user_error!(
+                "no run has ended here yet; press Track, or wait"
+            ));
+        };
+        earlier::compare(&folder, replay.as_deref(), other.run)
     }
 
     /// Returns rows of the run.

@@ -1,0 +1,164 @@
+"""Runs of the studio, one after another: replay, another setting, and the comparison of both.
+
+`scripts/web-test` runs it, with the fixtures of `web_fixtures.py` and `studio_fixtures.py`.
+"""
+
+import csv
+import json
+import math
+import re
+
+import pytest
+from playwright.sync_api import expect
+from studio_fixtures import DATA, run, truth_of, until
+
+
+@pytest.fixture
+def jump(tmp_path):
+    """A folder with a scene of a thrown ball, whose images are elsewhere."""
+    scene = (DATA / "dioptric-jump/scene.toml").read_text()
+    scene = scene.replace('"frames"', f'"{DATA / "dioptric-jump/frames"}"').replace("../colors", str(DATA / "colors"))
+    (tmp_path / "scene.toml").write_text(scene)
+    return tmp_path
+
+
+def listen(page):
+    """Keeps the messages that the page gets, as it gets them."""
+    page.evaluate(
+        """async () => {
+            const { Live } = await import("/connection.js");
+            window.seen = new Map();
+            new Live((topic, value, image) => { window.seen.set(topic, value); image?.close(); }, () => {});
+        }"""
+    )
+
+
+def track(page):
+    page.click("#start")
+    expect(page.locator("#start")).to_be_hidden()
+    expect(page.locator("#report")).to_contain_text("tracked 110 frames")
+
+
+def replay_at(page, frame):
+    page.locator("#replay-frame").evaluate("(slider, frame) => { slider.value = frame; slider.dispatchEvent(new Event('input')); }", frame)
+    expect(page.locator("#replay .number-of-frame")).to_have_text(f"{frame + 1} / 110")
+
+
+def outlines(page, frame):
+    """The outlines over a frame of the replay, by their colours: the middle and the radius in pixels."""
+    replay_at(page, frame)
+    until(lambda: page.evaluate("window.seen.get('image/cam1').index") == frame)
+    found = {}
+    for mark in page.evaluate("window.seen.get('image/cam1').marks"):
+        points = mark["points_px"]
+        middle = [sum(point[axis] for point in points) / len(points) for axis in range(2)]
+        found[tuple(mark["color"])] = (middle, sum(math.dist(point, middle) for point in points) / len(points))
+    return found
+
+
+def rows_of(folder):
+    with open(folder / "tracks.csv") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
+    one = studio("scene.toml", folder=jump)
+    page = one.page
+    listen(page)
+    one.step("track")
+    track(page)
+    # Replay: every frame with the outline where the ball is.
+    truth = truth_of("dioptric-jump")
+    for frame in (100, 40, 0):
+        ((middle, _),) = outlines(page, frame).values()
+        assert math.dist(middle, [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])]) < 2
+    # It plays by itself, from the beginning once it has come to the end.
+    replay_at(page, 109)
+    page.click("#replay-play")
+    expect(page.locator("#replay-play")).to_contain_text("Pause")
+    expect(page.locator("#replay .number-of-frame")).to_have_text(re.compile(r"^[1-9]\d? / 110"))
+    page.click("#replay-play")
+    expect(page.locator("#replay-play")).to_contain_text("Replay")
+    # And by keys.
+    page.locator("#replay-frame").focus()
+    page.keyboard.press("Home")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#replay .number-of-frame")).to_have_text("2 / 110")
+    # Nothing to compare with yet. Another seed, another size: edits of the scene, which can be undone.
+    expect(page.locator("#compare-with")).to_be_hidden()
+    page.click("#settings summary")
+    page.fill("#seed", "7")
+    page.keyboard.press("Tab")
+    expect(page.locator("#undo")).to_have_attribute("title", re.compile("seed 7"))
+    page.fill("#run-diameter-ball", "20")
+    page.keyboard.press("Tab")
+    until(lambda: "radius_m = 0.1\n" in one.ask("state")["text"])
+    first = rows_of(jump / "scene-tracks")
+    track(page)
+    # The earlier run is kept, and both lie over each other.
+    assert rows_of(jump / "scene-tracks/earlier/1") == first
+    expect(page.locator("#compare-with option:checked")).to_have_text("run 1: seed 1, radius_m 0.11")
+    comparison = page.locator("#viewer .pv-comparison")
+    expect(comparison.locator("tbody th").nth(0)).to_have_text("run 2")
+    expect(comparison.locator("tbody th").nth(1)).to_have_text("run 1")
+    expect(comparison).to_contain_text("targets.ball.shape.sphere.radius_m 0.1 → 0.11")
+    second = rows_of(jump / "scene-tracks")
+    apart = sorted(math.dist([float(a[f"{axis}_m"]) for axis in "xyz"], [float(b[f"{axis}_m"]) for axis in "xyz"]) for a, b in zip(first, second))
+    expect(comparison.locator(".pv-distance")).to_contain_text(f"median {1000 * (apart[54] + apart[55]) / 2:.0f} mm, largest {1000 * apart[-1]:.0f} mm")
+    # A smaller ball that looks as large is nearer to the camera.
+    assert apart[0] > 0.1
+    # The same figures as `pardalis view` of the two folders.
+    run("view", "scene-tracks", "scene-tracks/earlier/1", "--no-open", folder=jump)
+    data = (jump / "scene-tracks/comparison.html").read_text().split('id="data">')[1].split("</script>")[0]
+    shown = one.ask("compare", {"run": 1})
+    assert shown["targets"] == json.loads(data)["comparison"]["targets"]
+    page.set_viewport_size({"width": 900, "height": 700})
+    assert page.evaluate("document.documentElement.scrollWidth") == 900
+    page.set_viewport_size({"width": 1280, "height": 800})
+    # In the replay both outlines lie on the ball, each in its size.
+    page.click("#show-pictures")
+    both = outlines(page, 60)
+    assert set(both) == {(255, 255, 255), (255, 138, 76)}
+    for middle, radius in both.values():
+        assert math.dist(middle, [float(truth[60]["u_px"]), float(truth[60]["v_px"])]) < 2
+        assert 4 < radius < 12
+    radii = [radius for _, radius in both.values()]
+    assert abs(radii[0] - radii[1]) < 0.3
+    # And it can be taken away.
+    page.select_option("#compare-with", "")
+    until(lambda: len(outlines(page, 61)) == 1)
+    page.click("#show-viewer")
+    expect(page.locator("#viewer")).to_contain_text("tracking")
+    expect(page.locator("#viewer .pv-comparison")).to_be_hidden()
+    # The settings of the first run again give its rows, byte for byte.
+    page.click("#undo")
+    page.click("#undo")
+    expect(page.locator("#undo")).to_be_disabled()
+    track(page)
+    assert rows_of(jump / "scene-tracks") == first
+    expect(page.locator("#compare-with option")).to_have_count(3)
+
+
+def test_wrong_settings_and_runs_are_refused_with_their_remedy(studio, jump):
+    one = studio("scene.toml", folder=jump)
+    page = one.page
+    before = one.ask("state")["text"]
+    one.step("track")
+    track(page)
+    page.click("#settings summary")
+    page.fill("#seed", "1.5")
+    page.keyboard.press("Tab")
+    expect(page.locator("#messages")).to_contain_text("Type a whole number.")
+    page.fill("#particles-ball", "0")
+    page.keyboard.press("Tab")
+    expect(page.locator("#messages")).to_contain_text("targets.ball.filter.particles: ")
+    errors = {
+        "set_number": ({"key": "cameras.cam1.fps", "value": 3}, "allowed: seed, targets.NAME.filter.particles"),
+        "set_number ": ({"key": "targets.cube.filter.particles", "value": 3}, "targets.cube: is not in the scene"),
+        "compare": ({"run": 8}, "run 8: is not kept any more"),
+    }
+    for request, (value, remedy) in errors.items():
+        assert remedy in one.ask(request.strip(), value)["error"], request
+    assert one.ask("state")["text"] == before
+    # Requests that are refused are errors on the console of the browser.
+    one.errors.clear()
