@@ -93,6 +93,13 @@ class Stage {
     }
   }
 
+  /** Follows the paths of cameras, to which poses have been added. */
+  setPaths() {
+    const shown = this.#shownCameras();
+    if (shown.length !== this.cameras.length) this.#rebuildSurroundings();
+    else this.cameras.forEach((mark, at) => mark.setPath(shown[at].path ?? []));
+  }
+
   setTime(time_s, selected) {
     this.time_s = time_s;
     for (const body of this.#allBodies()) body.setTime(time_s, this.extent?.floor ?? 0, body.name === selected);
@@ -185,9 +192,12 @@ class Stage {
     this.fitted = this.extent;
     this.ground.set(this.extent, this.scene.units);
     this.cameras.forEach((camera) => camera.dispose());
-    const shown = this.scene.cameras.filter((camera) => camera.position_m || camera.path?.length || camera.footprint_m?.length);
-    this.cameras = shown.map((camera) => new CameraMark(this.world, camera, 0.22 * radius, this.addLabel));
+    this.cameras = this.#shownCameras().map((camera) => new CameraMark(this.world, camera, 0.22 * radius, this.addLabel));
     if (this.time_s !== undefined) for (const camera of this.cameras) camera.setTime(this.time_s);
+  }
+
+  #shownCameras() {
+    return this.scene.cameras.filter((camera) => camera.position_m || camera.path?.length || camera.footprint_m?.length);
   }
 
   #resize() {

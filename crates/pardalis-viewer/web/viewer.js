@@ -4,7 +4,7 @@
  *     const viewer = new Viewer(element);
  *     viewer.setScene(scene);       // any number of times, in any order with the tracks
  *     viewer.setTracks(tracks);     // replaces all rows
- *     viewer.append(rows);          // adds rows of a live run
+ *     viewer.append(rows, poses);   // adds rows of a live run and, if cameras move, where these were
  *     viewer.setComparison(comparison); // another run over the tracks that are shown; null: none
  *     viewer.setTime(time_s);       // shows the last rows that are not after this time
  *     viewer.dispose();             // removes everything from the element, and all listeners
@@ -46,6 +46,8 @@
  * `tracks` and `rows` map names of targets to columns of the same length, named as in tracks.csv: `time_s`, `frame`, `state` ("searching", "tracking", "occluded",
  * "lost"), `x_m` ... `z_m`, `vx_mps` ... `vz_mps`, `heading_rad`, `xx_m2` ... `zz_m2`, `confidence`, `radius_m`, `sigma_radius_m`, `sigma_heading_rad`. Entries are numbers
  * or null; all columns but `time_s` may be missing.
+ *
+ * `poses` map names of cameras to poses, each as in `path`, later than those before.
  *
  * `comparison`, of two finished runs of the same recording:
  *
@@ -107,7 +109,10 @@ export class Viewer {
     this.#showIndex(this.times.length - 1);
   }
 
-  append(rows) {
+  append(rows, poses = {}) {
+    for (const camera of this.scene.cameras) {
+      if (poses[camera.name]?.length > 0) camera.path = [...(camera.path ?? []), ...poses[camera.name]];
+    }
     const follows = this.times.length === 0 || this.timeline.isAtEnd();
     const shown_s = this.times[this.timeline.index];
     this.tracks.append(rows);
@@ -241,6 +246,7 @@ export class Viewer {
       shapeOf: (name) => this.#shapeOf(name),
       colorOf: (name, run) => (by === "run" ? theme().runs[run] : theme().targets[names.indexOf(name) % theme().targets.length]),
     });
+    this.stage.setPaths();
     this.stage.setTime(this.time_s, this.selected);
   }
 

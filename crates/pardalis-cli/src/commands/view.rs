@@ -8,17 +8,17 @@ use serde_json::Value;
 
 use crate::files::refuse_foreign;
 use crate::output::{Shown, print, warn};
-use crate::report::{self, Compared, Comparison, PageCamera, PageScene};
+use crate::report::{self, CameraPoses, Compared, Comparison, PageCamera, PageScene};
 use crate::scene::problems_in;
 use crate::scene_files::{read_calibration, read_text};
-use crate::tracking::{SUMMARY, is_previous, previous_of};
+use crate::tracking::{CAMERAS, SUMMARY, is_previous, previous_of};
 use crate::user_error::user_error;
 
 /// Shows finished tracks in 3D, over time and in numbers
 ///
 /// Writes a page and opens it in the browser. The page contains all that it shows, and loads nothing: it can be moved and shared.
 ///
-/// Cameras and shapes are those of the scene that summary.json beside the tracks names, if it can still be read. Annotated frames (`track --annotate`) beside them are
+/// Cameras and shapes are those of the scene that summary.json beside the tracks names, if it can still be read; cameras that move are where cameras.csv has them. Annotated frames (`track --annotate`) beside them are
 /// part of the page as reduced copies, as many as fit into 20 MB.
 ///
 /// With a second run of the same recording, such as with another seed, the page shows both over each other, and how far they differ. Rows are matched by their times,
@@ -75,7 +75,7 @@ impl Results {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
             _ => PathBuf::from("."),
         };
-        let summary = read_summary(&summary_of(&tracks, &folder))?;
+        let summary = read_summary(&beside(&tracks, &folder, SUMMARY))?;
         Ok(Self {
             tracks,
             folder,
@@ -126,7 +126,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         _ => None,
     };
     let mut notes = Vec::new();
-    let scene = page_scene(&results, &mut notes);
+    let poses = beside(&results.tracks, &results.folder, CAMERAS);
+    let poses = if poses.exists() {
+        report::read_poses(&poses)?
+    } else {
+        CameraPoses::new()
+    };
+    let scene = page_scene(&results, poses, &mut notes);
     report::write(
         &page,
         (Some(&results.tracks), &results.folder),
@@ -157,27 +163,27 @@ fn compared((first, second): (&Results, &Results), names: &[String; 2]) -> Resul
 }
 
 /// Returns the scene of some results, and notes what is missing in it.
-fn page_scene(results: &Results, notes: &mut Vec<String>) -> PageScene {
+fn page_scene(results: &Results, poses: CameraPoses, notes: &mut Vec<String>) -> PageScene {
     let Some(summary) = &results.summary else {
         notes.push(format!(
             "Without cameras, shapes and settings: there is no {SUMMARY} beside the tracks."
         ));
         return PageScene::of_balls(report::title(&results.tracks), &[]);
     };
-    scene_of(summary, &results.folder).unwrap_or_else(|problem| {
+    scene_of(summary, &results.folder, poses).unwrap_or_else(|problem| {
         warn(format!("{problem}; the page shows no cameras"));
         notes.push(format!("Without cameras and shapes: {problem}."));
         PageScene::of_balls(title_of(summary), &report::diameters_m(summary))
     })
 }
 
-/// Returns the file of the summary of some rows: an earlier run has its own.
-fn summary_of(tracks: &Path, folder: &Path) -> PathBuf {
-    let summary = folder.join(SUMMARY);
+/// Returns a file beside some rows: an earlier run has its own.
+fn beside(tracks: &Path, folder: &Path, name: &str) -> PathBuf {
+    let file = folder.join(name);
     if is_previous(tracks) {
-        previous_of(&summary)
+        previous_of(&file)
     } else {
-        summary
+        file
     }
 }
 
@@ -196,7 +202,7 @@ fn read_summary(path: &Path) -> Result<Option<Value>> {
 }
 
 /// Returns the scene that a summary names, if it can still be read. Models that were found in images are those in the summary.
-fn scene_of(summary: &Value, folder: &Path) -> Result<PageScene, String> {
+fn scene_of(summary: &Value, folder: &Path, mut poses: CameraPoses) -> Result<PageScene, String> {
     let named = Path::new(summary["scene"].as_str().unwrap_or_default());
     // Where the run was started is not recorded: most likely here, or in a folder above the results.
     let places = [Path::new("")].into_iter().chain(folder.ancestors());
@@ -229,7 +235,7 @@ fn scene_of(summary: &Value, folder: &Path) -> Result<PageScene, String> {
     }
     let cameras = scene.cameras.iter().map(|camera| PageCamera {
         size_px: size_px(summary, &camera.name),
-        path: Vec::new(),
+        path: poses.remove(&camera.name).unwrap_or_default(),
     });
     let cameras: Vec<_> = cameras.collect();
     Ok(PageScene::new(report::title(&path), &scene, &cameras))

@@ -44,7 +44,7 @@ impl Reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 29] = {
+pub const READERS: [Reader; 30] = {
     const fn reader(name: &'static str, check: fn(&[u8]) -> bool) -> Reader {
         Reader { name, check }
     }
@@ -69,6 +69,7 @@ pub const READERS: [Reader; 29] = {
         reader("starts", tables::starts),
         reader("poses", tables::poses),
         reader("odometry", tables::odometry),
+        reader("camera-poses", tables::camera_poses),
         reader("detections", tables::detections),
         reader("detections-coco", tables::detections_coco),
         reader("times", source::times),

@@ -2,6 +2,7 @@
 
 mod comparison;
 mod frames;
+mod poses;
 mod scene;
 mod secrets;
 mod tracks;
@@ -16,6 +17,9 @@ use crate::files::write_file;
 #[cfg(feature = "studio")]
 pub(crate) use comparison::settings;
 pub(crate) use comparison::{Compared, Comparison, compare};
+#[cfg(any(test, feature = "fuzz"))]
+pub(crate) use poses::poses_of;
+pub(crate) use poses::{CameraPoses, read_poses};
 pub(crate) use scene::{PageCamera, PageScene};
 
 /// The pages that `track --report` and `view` write among the results.

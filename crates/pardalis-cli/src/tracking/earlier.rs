@@ -46,7 +46,7 @@ pub(super) fn number_results(folder: &Path) -> Result<()> {
 }
 
 /// The files by which a run is compared with another.
-const OF_RUN: [&str; 2] = [super::ROWS, summary::FILE];
+const OF_RUN: [&str; 3] = [super::ROWS, summary::FILE, super::CAMERAS];
 
 /// Returns the numbered runs in a folder of results with their folders, the oldest first.
 pub(crate) fn earlier_runs(folder: &Path) -> Vec<(usize, PathBuf)> {

@@ -2,6 +2,7 @@
 
 pub(crate) mod agreement;
 mod annotate;
+mod camera_rows;
 mod candidate_rows;
 mod crossing_rows;
 #[cfg(feature = "studio")]
@@ -48,6 +49,7 @@ use crate::source::Source;
 use crate::timing::Stopwatch;
 use crate::user_error::user_error;
 use annotate::Annotator;
+use camera_rows::CameraRows;
 use candidate_rows::CandidateRows;
 use crossing_rows::CrossingRows;
 #[cfg(feature = "studio")]
@@ -284,6 +286,7 @@ pub(crate) fn run_steps(
         remove_old(folder);
     }
     let mut crossing_rows = CrossingRows::create(&options.output, &open.scene)?;
+    let mut camera_rows = CameraRows::create(&options.output, &open.scene)?;
     let mut extras = Extras::create(scene_path, &open, options)?;
     let mut series = SeriesCollector::new(&open.scene);
     let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
@@ -298,6 +301,9 @@ pub(crate) fn run_steps(
     }
     if let Some(crossing_rows) = &mut crossing_rows {
         sinks.needed.push(crossing_rows);
+    }
+    if let Some(camera_rows) = &mut camera_rows {
+        sinks.needed.push(camera_rows);
     }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
     let (sent, extra_files, recorded) = extras.finish(options);
@@ -328,6 +334,7 @@ pub(crate) fn run_steps(
             files.extend(series.draw(folder, &open.scene, &[])?);
         }
         files.extend(crossing_rows.map(|rows| rows.path().to_owned()));
+        files.extend(camera_rows.map(|rows| rows.path().to_owned()));
         files.extend(extra_files);
         if options.report {
             files.push(write_report(folder, scene_path, &open, &series)?);
@@ -410,9 +417,13 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
 /// The file of the rows.
 pub(crate) const ROWS: &str = "tracks.csv";
 
+/// The file of the poses of cameras that move.
+pub(crate) const CAMERAS: &str = CameraRows::FILE;
+
 /// The files of results in a folder, besides pictures and particles.
-const RESULTS: [&str; 9] = [
+const RESULTS: [&str; 10] = [
     ROWS,
+    CAMERAS,
     summary::FILE,
     CandidateRows::FILE,
     CrossingRows::FILE,

@@ -13,6 +13,7 @@ use crate::output::{Shown, note};
 /// Renames the rows of an earlier run in this folder, their summary and their particles, in place of those of the run before it.
 pub(super) fn keep_results(folder: &Path) -> Result<()> {
     let summary = folder.join(summary::FILE);
+    let cameras = folder.join(super::CAMERAS);
     let keeps_rows = keep_rows(&folder.join("tracks.csv"))?;
     let (older, particles): (Vec<_>, Vec<_>) = particle_rows::files_in(folder)
         .into_iter()
@@ -27,6 +28,10 @@ pub(super) fn keep_results(folder: &Path) -> Result<()> {
         keep_rows(&file)?;
     }
     if keeps_rows {
+        let _ = fs::remove_file(previous_of(&cameras));
+        if cameras.is_file() {
+            rename(&cameras)?;
+        }
         // A run that was killed has no summary.
         if !summary.exists() {
             let _ = fs::remove_file(previous_of(&summary));

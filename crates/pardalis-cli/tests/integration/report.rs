@@ -345,6 +345,44 @@ fn cameras_that_move_have_their_path() {
         camera["position_m"],
         json!([path[0][1], path[0][2], path[0][3]])
     );
+
+    // The same in the page of the finished track, from the file beside it, and of an earlier run from its own.
+    let close = |shown: &Value, count: usize| {
+        let shown = shown["scene"]["cameras"][0]["path"].as_array().unwrap();
+        assert_eq!(shown.len(), count);
+        for (pose, other) in path.iter().zip(shown) {
+            for (number, other) in pose
+                .as_array()
+                .unwrap()
+                .iter()
+                .zip(other.as_array().unwrap())
+            {
+                assert!((number.as_f64().unwrap() - other.as_f64().unwrap()).abs() < 1e-12);
+            }
+        }
+    };
+    view(&place, &["out"]).fine();
+    close(&data_in(&place.path("out/view.html")), 4);
+    let scene = fs::read_to_string(place.path("scene.toml")).unwrap();
+    place
+        .track_with(&scene, &["-o", "out", "--no-plots", "--frames", "2"])
+        .fine();
+    view(&place, &["out"]).fine();
+    close(&data_in(&place.path("out/view.html")), 2);
+    let earlier = place.path("out/tracks.previous.csv");
+    view(&place, &[earlier.to_str().unwrap()]).fine();
+    close(&data_in(&place.path("out/view.html")), 4);
+
+    let table = fs::read_to_string(place.path("out/cameras.csv")).unwrap();
+    let mut lines: Vec<&str> = table.lines().collect();
+    lines.swap(1, 2);
+    place.write("out/cameras.csv", lines.join("\n"));
+    view(&place, &["out"]).refused(&[
+        "out/cameras.csv, line 3: is at 0 s",
+        "the rows must be in order of time",
+    ]);
+    place.write("out/cameras.csv", table.replace(",-0\n", ",-3\n"));
+    view(&place, &["out"]).refused(&["out/cameras.csv, line 2: the quaternion", "have length 1"]);
 }
 
 #[test]

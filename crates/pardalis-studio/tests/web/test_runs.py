@@ -39,14 +39,14 @@ def track(page):
     expect(page.locator("#report")).to_contain_text("tracked 110 frames")
 
 
-def replay_at(page, frame):
+def replay_at(page, frame, count=110):
     page.locator("#replay-frame").evaluate("(slider, frame) => { slider.value = frame; slider.dispatchEvent(new Event('input')); }", frame)
-    expect(page.locator("#replay .number-of-frame")).to_have_text(f"{frame + 1} / 110")
+    expect(page.locator("#replay .number-of-frame")).to_have_text(f"{frame + 1} / {count}")
 
 
-def outlines(page, frame):
+def outlines(page, frame, count=110):
     """The outlines over a frame of the replay, by their colours: the middle and the radius in pixels."""
-    replay_at(page, frame)
+    replay_at(page, frame, count)
     until(lambda: page.evaluate("window.seen.get('image/cam1').index") == frame)
     found = {}
     for mark in page.evaluate("window.seen.get('image/cam1').marks"):
@@ -162,3 +162,30 @@ def test_wrong_settings_and_runs_are_refused_with_their_remedy(studio, jump):
     assert one.ask("state")["text"] == before
     # Requests that are refused are errors on the console of the browser.
     one.errors.clear()
+
+
+def test_a_camera_on_a_robot_moves_in_the_view_and_under_its_outlines(studio, tmp_path):
+    sequence = DATA / "dioptric-moving-robot"
+    scene = (sequence / "scene.toml").read_text().replace("../colors", str(DATA / "colors"))
+    for name in ("frames", "camera.json", "odometry.csv"):
+        scene = scene.replace(f'"{name}"', f'"{sequence / name}"')
+    (tmp_path / "scene.toml").write_text(scene)
+    one = studio("scene.toml")
+    page = one.page
+    listen(page)
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("#report")).to_contain_text("tracked 100 frames")
+    assert len(one.ask("rows", {"from": 0})["cameras"]["cam1"]) == 100
+    assert len(one.ask("rows", {"from": 60})["cameras"]["cam1"]) == 40
+    truth = truth_of("dioptric-moving-robot")
+    for frame in (90, 10):
+        ((middle, _),) = outlines(page, frame, 100).values()
+        assert math.dist(middle, [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])]) < 3
+    page.click("#show-viewer")
+    label = page.locator("#viewer .pv-camera-name")
+    expect(label).to_be_visible()
+    end = label.bounding_box()
+    page.keyboard.press("Home")
+    expect(page.locator("#viewer .pv-time")).to_have_text("0.000 s")
+    until(lambda: abs(label.bounding_box()["x"] - end["x"]) > 20)

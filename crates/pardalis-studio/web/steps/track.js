@@ -65,7 +65,7 @@ async function fetchRows(app, shown) {
     const rows = await ask("rows", { from: next });
     if (shown !== viewer) return;
     if (rows.next > next || rows.first > next) {
-      viewer.append(rows.targets);
+      viewer.append(rows.targets, rows.cameras);
       // More may be waiting.
       pause_ms = 0;
     }

@@ -355,6 +355,57 @@ LIVE = """async () => {
 }"""
 
 
+def test_cameras_that_move_are_where_they_were_also_live(pardalis, tmp_path, open_page):
+    pardalis("track", REPOSITORY / "data/dioptric-moving-robot/scene.toml", "-o", tmp_path, "--frames", 40, "--no-plots")
+    pardalis("view", tmp_path, "--no-open")
+    page = open_page((tmp_path / "view.html").as_uri())
+    page.evaluate(
+        """async () => {
+            const { Viewer } = await import("pardalis/viewer.js");
+            window.data = JSON.parse(document.getElementById("data").textContent);
+            document.body.innerHTML = "<div id=live></div>";
+            window.live = new Viewer(document.getElementById("live"));
+            window.camera = () => [live.stage.cameras[0].group.position.toArray(), live.stage.cameras[0].group.quaternion.toArray()].flat();
+            live.setScene(data.scene);
+            live.setTracks(data.tracks);
+        }"""
+    )
+    settle(page)
+    with open(tmp_path / "cameras.csv") as file:
+        poses = [[float(row[name]) for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")] for row in csv.DictReader(file)]
+    assert math.dist(poses[39][:3], poses[0][:3]) > 0.1
+    for index in (39, 0, 20):
+        page.evaluate(f"live.setTime({index / 25})")
+        assert page.evaluate("camera()") == pytest.approx(poses[index], abs=1e-9)
+    label = page.locator(".pv-camera-name")
+    settle(page)
+    before = label.bounding_box()
+    page.evaluate("live.setTime(1.56)")
+    settle(page)
+    assert abs(label.bounding_box()["x"] - before["x"]) > 3
+    # Live: rows and poses come bit by bit, into a scene that knows no pose yet.
+    page.evaluate(
+        """() => {
+            const cameras = data.scene.cameras.map(({ name, border_rays }) => ({ name, border_rays }));
+            const { path } = data.scene.cameras[0];
+            const part = (from, to) => Object.fromEntries(Object.entries(data.tracks.ball).map(([column, values]) => [column, values.slice(from, to)]));
+            live.setTracks({});
+            live.setScene({ ...data.scene, cameras });
+            window.come = (from, to) => live.append({ ball: part(from, to) }, { cam1: path.slice(from, to) });
+        }"""
+    )
+    settle(page)
+    assert label.count() == 0
+    for begin, end in ((0, 10), (10, 40)):
+        page.evaluate(f"come({begin}, {end})")
+        settle(page)
+        assert label.is_visible()
+        assert page.evaluate("camera()") == pytest.approx(poses[end - 1], abs=1e-9)
+        assert page.evaluate("live.stage.cameras[0].line.geometry.attributes.position.count") == 2 * (end - 1)
+    page.evaluate("live.setTime(0.2)")
+    assert page.evaluate("camera()") == pytest.approx(poses[5], abs=1e-9)
+
+
 def test_live_rows_are_followed_until_the_user_goes_back(report, open_page):
     page = open_page(report[0])
     page.evaluate(LIVE)
