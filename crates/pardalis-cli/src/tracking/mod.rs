@@ -19,6 +19,8 @@ mod previous;
 pub(crate) mod radius;
 #[cfg_attr(not(feature = "mcap"), path = "without_recorder.rs")]
 mod recorder;
+#[cfg(feature = "studio")]
+mod recording;
 mod rows;
 mod sender;
 mod series;
@@ -62,6 +64,8 @@ use missed::MissedFrames;
 use particle_rows::ParticleRows;
 pub(crate) use previous::{is_previous, previous_of};
 use recorder::Recorder;
+#[cfg(feature = "studio")]
+pub(crate) use recording::{RecordedCamera, Recording};
 use rows::Rows;
 pub(crate) use sender::Destination;
 use sender::Sender;

@@ -13,6 +13,7 @@ use serde_json::{Map, Value, json};
 use super::camera_rows::{moving, numbers_of};
 use super::marks::Marker;
 use super::pictures::Pictures;
+use super::recording::Recording;
 use super::rows::{HEADER, write_row};
 use super::sender::open_line;
 use super::{Instant, Sink};
@@ -38,6 +39,8 @@ pub(crate) struct Watch {
     /// The estimates for other programs, see [`open_line`].
     lines: Lines,
     rows: Arc<Mutex<RowsSoFar>>,
+    /// Keeps the images.
+    recording: Option<Recording>,
 }
 
 /// The last rows, as in `tracks.csv`.
@@ -57,7 +60,14 @@ impl Watch {
             feed: feed.clone(),
             lines: lines.clone(),
             rows: Arc::default(),
+            recording: None,
         }
+    }
+
+    /// Also keeps the images.
+    pub(crate) fn recorded(mut self, recording: Option<Recording>) -> Self {
+        self.recording = recording;
+        self
     }
 
     /// Returns the rows from this number on, as columns of each target, the number of the row after them, and where cameras were that move.
@@ -152,6 +162,9 @@ impl Sink for WatchSink {
         let tracking_ms = 1e3 * instant.tracking_s;
         self.histogram[HISTOGRAM_MS.partition_point(|limit_ms| *limit_ms < tracking_ms)] += 1;
         let row_count = self.add_rows(instant);
+        if let Some(recording) = &self.watch.recording {
+            recording.take(instant);
+        }
         if self.watch.lines.are_read() {
             let line = open_line(instant, &self.marker.targets);
             self.watch.lines.send(line);
@@ -233,6 +246,7 @@ impl WatchSink {
             "time_s": instant.time_s,
             "age_s": instant.captured_s.map(|captured_s| now_s() - captured_s),
             "rows": row_count,
+            "recording": self.watch.recording.as_ref().map(Recording::about),
             "targets": targets.collect::<Vec<_>>(),
             "tracking_ms": { "limits": HISTOGRAM_MS, "counts": self.histogram },
         })

@@ -10,7 +10,7 @@ import re
 
 import pytest
 from playwright.sync_api import expect
-from studio_fixtures import DATA, run, truth_of, until
+from studio_fixtures import DATA, frames_of, run, truth_of, until
 
 
 @pytest.fixture
@@ -156,6 +156,8 @@ def test_wrong_settings_and_runs_are_refused_with_their_remedy(studio, jump):
         "set_number": ({"key": "cameras.cam1.fps", "value": 3}, "allowed: seed, targets.NAME.filter.particles"),
         "set_number ": ({"key": "targets.cube.filter.particles", "value": 3}, "targets.cube: is not in the scene"),
         "compare": ({"run": 8}, "run 8: is not kept any more"),
+        "track": ({"record": True}, "no camera is live: what there is to be tracked is recorded already"),
+        "use_recording": ({}, "there is no recording yet"),
     }
     for request, (value, remedy) in errors.items():
         assert remedy in one.ask(request.strip(), value)["error"], request
@@ -189,3 +191,55 @@ def test_a_camera_on_a_robot_moves_in_the_view_and_under_its_outlines(studio, tm
     page.keyboard.press("Home")
     expect(page.locator("#viewer .pv-time")).to_have_text("0.000 s")
     until(lambda: abs(label.bounding_box()["x"] - end["x"]) > 20)
+
+
+def test_a_live_camera_is_recorded_and_tracked_again(studio, jump, streams):
+    address = streams(*frames_of("dioptric-jump/frames")).address
+    scene = (jump / "scene.toml").read_text()
+    scene = re.sub('images = .*\\nfps = 25', f'video = "{address}"\ntime_offset_s = 0.5', scene)
+    (jump / "scene.toml").write_text(scene)
+    one = studio("scene.toml", folder=jump)
+    page = one.page
+    listen(page)
+    one.step("track")
+    page.check("#record")
+    page.click("#start")
+    # How much there is shows while it grows.
+    expect(page.locator("#recorded")).to_have_text(re.compile(r"Recorded (4\d|[5-9]\d|\d{3}) images, \d+\.\d MB\."))
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+    folder = jump / "scene-recording/1/cam1"
+    images = sorted(path.name for path in folder.glob("*.jpg"))
+    live = rows_of(jump / "scene-tracks")
+    assert len(images) == len(live) > 40
+    # The times are those of the camera, without what the scene adds.
+    with open(folder / "times.csv") as file:
+        times = [float(row["time_s"]) + 0.5 for row in csv.DictReader(file)]
+    assert times == pytest.approx([float(row["time_s"]) for row in live], abs=1e-6)
+    # The recording takes the place of the camera, and is tracked with nearly the same rows.
+    page.click("#use-recording")
+    expect(page.locator("#record")).to_be_hidden()
+    assert 'images = "scene-recording/1/cam1"' in one.ask("state")["text"]
+    page.click("#start")
+    expect(page.locator("#compare-with option:checked")).to_contain_text("run 1")
+    again = rows_of(jump / "scene-tracks")
+    assert len(again) == len(live)
+    distance = page.locator("#viewer .pv-distance")
+    expect(distance).to_contain_text(f"of {len(live)} times")
+    shown = one.ask("compare", {"run": 1})["targets"]["ball"]
+    assert shown["distance"]["median_m"] < 0.05
+    # And replayed.
+    page.click("#show-pictures")
+    assert len(outlines(page, 5, len(images))) == 2
+    # Undo goes back to the camera.
+    page.click("#undo")
+    expect(page.locator("#record")).to_be_visible()
+    assert (jump / "scene.toml").read_text() == one.ask("state")["text"]
+    page.click("#start")
+    expect(page.locator("#recorded")).to_have_text(re.compile(r"Recorded [1-9]\d* images"))
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+    assert (jump / "scene-recording/2/cam1/000000.jpg").exists()
+    # A live run has no times in common with those before.
+    assert one.ask("state")["run"]["earlier"] == []
+    expect(page.locator("#compare-with")).to_be_hidden()

@@ -4,6 +4,7 @@ import { ask } from "../connection.js";
 import { button, el, fixed } from "../elements.js";
 import { drawMarks } from "../picture.js";
 import { compareControl, settingsControl } from "./compare.js";
+import { recordControl, recordedText, recordingControl, records } from "./record.js";
 import { canReplay, replayBar, updateReplay } from "./replay.js";
 
 /** How often rows are fetched while the viewer is shown. */
@@ -36,7 +37,7 @@ async function compareWith(app, number) {
 /** Begins a run. The one before it will be compared with it. */
 function start(app) {
   choosesLast = Boolean(app.state.run);
-  return app.change("track");
+  return app.change("track", { record: records(app) });
 }
 
 function chooseLast(app) {
@@ -168,7 +169,8 @@ export const track = {
           : button(run ? "Track again" : "Track", () => start(app), { id: "start", class: "primary" }),
         !app.state.is_saved && button("Save the scene", () => app.change("save").then((answer) => answer && app.say("Saved.")), { id: "save-here" }),
       ),
-      !watched && run && !goes && [compareControl(app, other, (number) => compareWith(app, number)), settingsControl(app)],
+      !watched && !goes && recordControl(app),
+      !watched && run && !goes && [recordingControl(app), compareControl(app, other, (number) => compareWith(app, number)), settingsControl(app)],
       el("div", { id: "now" }, nowOf(app)),
       run?.error && el("p", { class: "bad", id: "run-error" }, run.error),
       run?.report && el("details", { open: true }, el("summary", {}, "Report"), el("pre", { id: "report" }, run.report)),
@@ -180,7 +182,8 @@ function nowOf(app) {
   const now = app.latest.get("track");
   if (!app.state.run || !now) return [];
   const age = now.age_s === null ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
-  return [el("p", { class: "time" }, `Frame ${now.frame + 1}, ${fixed(now.time_s, 2)} s${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
+  const recorded = app.state.run.goes_on && now.recording ? recordedText(now.recording) : [];
+  return [...recorded, el("p", { class: "time" }, `Frame ${now.frame + 1}, ${fixed(now.time_s, 2)} s${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
 }
 
 function updateNow(app) {

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::board::{BoardOf, ModelOf};
 use super::pose::{KnownPoints, OfCamera, OnFloor};
 use super::rig::{RigOf, RigStop};
-use super::runs::OtherRun;
+use super::runs::{OtherRun, Tracked};
 use super::session::Session;
 use super::steps::{Calibrated, Guessed, Label};
 use super::targets::{NewTarget, SetNumber, Shaped};
@@ -143,9 +143,10 @@ impl Session {
                 let marked: Marked = read(value)?;
                 return self.show_marked(&marked.target, &marked.camera);
             }
-            "track" => {
+            "track" => self.track(&read::<Tracked>(value)?)?,
+            "use_recording" => {
                 read::<Nothing>(value)?;
-                self.track()?;
+                self.use_recording()?;
             }
             "stop" => {
                 read::<Nothing>(value)?;

@@ -11,15 +11,35 @@ use crate::tables::read_tracks;
 use crate::tracking::{ROWS, SUMMARY, earlier_runs};
 use crate::user_error::user_error;
 
-/// Returns the earlier runs among the results in a folder, each with its number and the settings that it had and the last run has not.
+/// Returns the earlier runs among the results in a folder that can be compared with the last, each with its number and the settings that differ, first its own.
+/// Those of live cameras have no times in common.
 pub(super) fn list(folder: &Path) -> Value {
-    let last = read_summary(folder);
-    let runs = earlier_runs(folder).into_iter().map(|(number, place)| {
-        let summary = read_summary(&place);
-        let differ = report::settings([summary.as_ref(), last.as_ref()]);
-        json!({ "number": number, "settings": differ })
-    });
+    let Some(last) = read_summary(folder) else {
+        return json!([]);
+    };
+    let runs = earlier_runs(folder)
+        .into_iter()
+        .filter_map(|(number, place)| {
+            let summary = read_summary(&place)?;
+            let [[from_s, to_s], [last_from_s, last_to_s]] = [span_s(&summary)?, span_s(&last)?];
+            let differ = report::settings([Some(&summary), Some(&last)]);
+            let entry = json!({ "number": number, "settings": differ });
+            (from_s <= last_to_s && last_from_s <= to_s).then_some(entry)
+        });
     runs.collect()
+}
+
+/// Returns the times of the first and the last frame of a run, in seconds.
+fn span_s(summary: &Value) -> Option<[f64; 2]> {
+    let cameras = summary["cameras"].as_object()?;
+    let spans = cameras.values().filter_map(|camera| {
+        let frames = &camera["frames"];
+        Some([
+            frames["first_time_s"].as_f64()?,
+            frames["last_time_s"].as_f64()?,
+        ])
+    });
+    spans.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
 }
 
 /// Reads a summary; `None` if a run was killed before it wrote one.

@@ -14,13 +14,16 @@ use crate::arguments::Threads;
 use crate::commands::run_report;
 use crate::interrupt::Stop;
 use crate::output::Shown as _;
-use crate::tracking::{self, Annotate, Limit, Options, Output, Previous, ROWS, Run, Watch};
+use crate::tracking::{
+    self, Annotate, Limit, Options, Output, Previous, ROWS, Recording, Run, Watch,
+};
 
 /// A run, or what came of it.
 pub(super) struct Running {
     pub(super) watch: Watch,
     pub(super) stop: Stop,
     folder: PathBuf,
+    recording: Option<Recording>,
     outcome: Arc<Mutex<Option<Outcome>>>,
     pub(super) thread: Option<JoinHandle<()>>,
 }
@@ -50,6 +53,7 @@ impl Running {
         path: &Path,
         scene: Scene,
         watch: Watch,
+        recording: Option<Recording>,
         ended: impl FnOnce() + Send + 'static,
     ) -> Result<Self> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -72,14 +76,16 @@ impl Running {
             previous: Previous::Number,
             limit: Limit::default(),
             stop: stop.clone(),
-            watch: Some(watch.clone()),
+            watch: Some(watch.clone().recorded(recording.clone())),
         };
         let (path, stopped) = (path.to_owned(), stop.clone());
+        let recorded = recording.clone();
         let (result, results) = (Arc::clone(&outcome), folder.clone());
         let thread = std::thread::Builder::new()
             .name("run".to_owned())
             .spawn(move || {
                 let run = tracking::run_scene(&path, scene, &options);
+                recorded.iter().for_each(Recording::finish);
                 let outcome = match run {
                     Ok(run) => {
                         let text = format!(
@@ -110,6 +116,7 @@ impl Running {
             watch,
             stop,
             folder,
+            recording,
             outcome,
             thread: Some(thread.context("no further thread can be started")?),
         })
@@ -133,6 +140,11 @@ impl Running {
         }
     }
 
+    /// The recording of its images.
+    pub(super) fn recording(&self) -> Option<&Recording> {
+        self.recording.as_ref()
+    }
+
     /// The folder of its results.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
@@ -149,6 +161,7 @@ impl Running {
             "goes_on": done.is_none() && failed.is_none(),
             "folder": self.folder.shown(),
             "error": failed,
+            "recording": self.recording.as_ref().map(Recording::about),
         });
         if let Some(done) = done {
             about["report"] = json!(done.text.trim());
