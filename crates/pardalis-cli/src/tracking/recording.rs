@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use super::Instant;
 use crate::draw::picture::picture_of;
-use crate::files::{RowFile, unwritable, write_file};
+use crate::files::{RowFile, unwritable};
 use crate::output::Shown as _;
 
 /// The most bytes of a recording. Hand-set: a quarter of an hour of four cameras of 640 x 480 pixels at 25 frames per second, roughly.
@@ -191,7 +191,9 @@ impl CameraFiles {
     /// Writes an image and its time. Returns its size in bytes.
     fn write(&mut self, frame: &Frame) -> Result<usize> {
         let jpeg = encode_jpeg(&picture_of(frame), JPEG_QUALITY, JpegSampling::Automatic)?;
-        write_file(&self.folder.join(image_name(self.count)), &jpeg)?;
+        let path = self.folder.join(image_name(self.count));
+        // Waiting until each is on the disk would be too slow.
+        fs::write(&path, &jpeg).map_err(|error| unwritable(&path, error))?;
         let time_s = frame.time_s() - self.time_offset_s;
         self.times.write(&format!("{},{time_s}\n", self.count))?;
         self.count += 1;

@@ -205,17 +205,23 @@ def test_a_live_camera_is_recorded_and_tracked_again(studio, jump, streams):
     page.check("#record")
     page.click("#start")
     # How much there is shows while it grows.
-    expect(page.locator("#recorded")).to_have_text(re.compile(r"Recorded (4\d|[5-9]\d|\d{3}) images, \d+\.\d MB\."))
+    expect(page.locator("#recorded")).to_have_text(re.compile(r"Recorded (4\d|[5-9]\d|\d{3}) images, \d+\.\d MB"))
+    assert "null" not in page.locator("#now").inner_text()
     page.click("#stop")
     expect(page.locator("#report")).to_contain_text("ball:")
     folder = jump / "scene-recording/1/cam1"
     images = sorted(path.name for path in folder.glob("*.jpg"))
     live = rows_of(jump / "scene-tracks")
-    assert len(images) == len(live) > 40
+    # On a machine with other work, some images may come too fast.
+    recording = one.ask("state")["run"]["recording"]
+    assert recording["images"] == len(images) > 40
+    assert recording["images"] + recording["dropped"] == len(live)
+    assert recording["bytes"] == sum(path.stat().st_size for path in folder.glob("*.jpg"))
     # The times are those of the camera, without what the scene adds.
     with open(folder / "times.csv") as file:
         times = [float(row["time_s"]) + 0.5 for row in csv.DictReader(file)]
-    assert times == pytest.approx([float(row["time_s"]) for row in live], abs=1e-6)
+    at = [round(float(row["time_s"]), 6) for row in live]
+    assert len(times) == len(images) and all(round(time_s, 6) in at for time_s in times)
     # The recording takes the place of the camera, and is tracked with nearly the same rows.
     page.click("#use-recording")
     expect(page.locator("#record")).to_be_hidden()
@@ -223,10 +229,12 @@ def test_a_live_camera_is_recorded_and_tracked_again(studio, jump, streams):
     page.click("#start")
     expect(page.locator("#compare-with option:checked")).to_contain_text("run 1")
     again = rows_of(jump / "scene-tracks")
-    assert len(again) == len(live)
+    assert len(again) == len(images)
     distance = page.locator("#viewer .pv-distance")
-    expect(distance).to_contain_text(f"of {len(live)} times")
+    expect(distance).to_contain_text("times")
     shown = one.ask("compare", {"run": 1})["targets"]["ball"]
+    # Not where one of both has not found it yet.
+    assert 0.5 * len(images) < shown["distance"]["times"] <= len(images)
     assert shown["distance"]["median_m"] < 0.05
     # And replayed.
     page.click("#show-pictures")

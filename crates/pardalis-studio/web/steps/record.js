@@ -21,7 +21,8 @@ export function recordControl(app) {
 export function recordedText({ images, bytes, dropped, is_full: isFull, error }) {
   const lost = dropped > 0 ? `, ${dropped} left out because they came too fast` : "";
   const end = isFull ? "; that is the most that is kept" : "";
-  return [el("p", { class: "now", id: "recorded" }, `Recorded ${images} images, ${(bytes / 1e6).toFixed(1)} MB${lost}${end}.`), error && el("p", { class: "bad" }, error)];
+  const text = el("p", { class: "now", id: "recorded" }, `Recorded ${images} images, ${(bytes / 1e6).toFixed(1)} MB${lost}${end}.`);
+  return error ? [text, el("p", { class: "bad" }, error)] : [text];
 }
 
 /** What can be done with the recording of the last run. */
