@@ -1,6 +1,6 @@
 //! Earlier runs, and the comparison of one with the last.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use serde_json::{Value, json};
@@ -17,7 +17,7 @@ pub(super) fn list(folder: &Path) -> Value {
     let Some(last) = read_summary(folder) else {
         return json!([]);
     };
-    let runs = earlier_runs(folder)
+    let runs = comparable(folder)
         .into_iter()
         .filter_map(|(number, place)| {
             let summary = read_summary(&place)?;
@@ -27,6 +27,17 @@ pub(super) fn list(folder: &Path) -> Value {
             (from_s <= last_to_s && last_from_s <= to_s).then_some(entry)
         });
     runs.collect()
+}
+
+/// Returns the earlier runs that have rows of their own: a link could lead to a file elsewhere, and the folder may have come from somebody else.
+fn comparable(folder: &Path) -> Vec<(usize, PathBuf)> {
+    let mut runs = earlier_runs(folder);
+    runs.retain(|(_, place)| is_file(&place.join(ROWS)));
+    runs
+}
+
+fn is_file(path: &Path) -> bool {
+    path.symlink_metadata().is_ok_and(|found| found.is_file())
 }
 
 /// Returns the times of the first and the last frame of a run, in seconds.
@@ -44,7 +55,9 @@ fn span_s(summary: &Value) -> Option<[f64; 2]> {
 
 /// Reads a summary; `None` if a run was killed before it wrote one.
 fn read_summary(folder: &Path) -> Option<Value> {
-    serde_json::from_slice(&std::fs::read(folder.join(SUMMARY)).ok()?).ok()
+    let path = folder.join(SUMMARY);
+    let text = is_file(&path).then(|| std::fs::read(path).ok())??;
+    serde_json::from_slice(&text).ok()
 }
 
 /// Compares the last run, whose results are in a folder, with an earlier one, and draws the outlines of that over the images as well; none for no number.
@@ -62,7 +75,7 @@ pub(super) fn compare(
         show(Outlined::default());
         return Ok(json!({}));
     };
-    let runs = earlier_runs(folder);
+    let runs = comparable(folder);
     let Some((_, place)) = runs.iter().find(|(other, _)| *other == number) else {
         return Err(user_error!(
             "run {number}: is not kept any more; choose another"
