@@ -78,9 +78,14 @@ def bad(scene):
 
 
 def slow(scene):
-    """The path of a scene whose item takes several seconds."""
+    """The path of a scene that outlasts any test: a thousand images, with as many particles as take half a second each."""
+    frames = scene.with_name("slow")
+    frames.mkdir()
+    for frame in range(1000):
+        os.link(scene.with_name("frames") / "000000.png", frames / f"{frame:06}.png")
+    text = scene.read_text().replace('images = "frames"', 'images = "slow"\nfps = 25', 1)
     path = scene.with_name("slow.toml")
-    path.write_text(scene.read_text().replace("[targets.ball]", "[targets.ball]\nfilter.particles = 1000000", 1))
+    path.write_text(text.replace("[targets.ball]", "[targets.ball]\nfilter.particles = 1000000", 1))
     return path
 
 

@@ -379,6 +379,7 @@ def test_init_leaves_out_what_it_cannot_read_and_keeps_lenses_with_topics(tmp_pa
                 pixels = raw("bgr8", pixels_of("cam1", number))
                 writer.write_message(f"/{name}/image_rect_color", image, stamped | pixels, log_time=number)
                 writer.write_message(f"/{name}/camera_info", info, stamped | calibration, log_time=number)
+            writer.write_message("/rear/image_raw", image, stamped | raw("bgr8", pixels_of("cam1", number)), log_time=number)
         writer.finish()
     scene = tmp_path / "scene.toml"
     with pytest.warns(UserWarning) as warned:
@@ -388,8 +389,11 @@ def test_init_leaves_out_what_it_cannot_read_and_keeps_lenses_with_topics(tmp_pa
     assert sum("its images are rectified" in word for word in words) == 2
     # One that nobody has calibrated costs the others nothing.
     assert sum("topic /depth/camera_info: " in word and "not calibrated" in word for word in words) == 1
+    # Nor has it that of another.
+    assert sum("/rear/image_raw: has no calibration; the scene has a guess" in word for word in words) == 1
     text = scene.read_text()
     assert "[cameras.depth]" not in text
+    assert "calibration = " not in text.split("[cameras.rear]")[1].split("\n[")[0]
     # Another name keeps the lens.
     scene.write_text(text.replace("cameras.left", "cameras.port"))
     assert 'calibration_camera = "left"' in text

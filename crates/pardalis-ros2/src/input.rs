@@ -3,24 +3,39 @@
 use anyhow::Result;
 use pardalis::Frame;
 use pardalis::color::YuvEncoding;
+use pardalis::tracker::ImageBox;
 use pardalis_cli::ros2::{CameraInfo, CompressedImage, Image};
 use ros2_client::{MessageTypeName, Name, Node, QosProfile, Subscription};
 use rustdds::mio1::event::Source;
 use rustdds::mio1::{Interest, Registry, Token};
 
 use crate::clock;
-use crate::messages::{Odometry, Time};
+use crate::messages::{BoundingBox2D, Detection2D, Detection2DArray, Odometry, Time};
 
-/// A subscription to the images of a camera.
-pub(crate) enum Images {
+/// A subscription to the images of a camera, or to what a detector found in them.
+pub(crate) enum Messages {
     Raw(Subscription<Image>),
     Compressed(Subscription<CompressedImage>),
+    Boxes(Subscription<Detection2DArray>),
 }
 
-/// An image that has not been decoded.
+/// An image that has not been decoded, or what a detector found in one.
 pub(crate) enum Received {
     Raw(Image),
     Compressed(CompressedImage),
+    Boxes(Detection2DArray),
+}
+
+/// What is in a message.
+pub(crate) enum Content {
+    Frame(Frame),
+    Boxes(Vec<ClassBox>),
+}
+
+/// A box that a detector found.
+pub(crate) struct ClassBox {
+    pub(crate) class: String,
+    pub(crate) image_box: ImageBox,
 }
 
 /// Splits a topic into its namespace and its name.
@@ -46,9 +61,9 @@ pub(crate) fn subscribe<M: 'static>(
     Ok(node.create_subscription(&topic, None)?)
 }
 
-impl Images {
+impl Messages {
     /// Subscribes to a topic of images, which are compressed if its name says so.
-    pub(crate) fn subscribe(node: &mut Node, topic: &str, qos: &QosProfile) -> Result<Self> {
+    pub(crate) fn images(node: &mut Node, topic: &str, qos: &QosProfile) -> Result<Self> {
         if topic.ends_with("/compressed") {
             let kind = ("sensor_msgs", "CompressedImage");
             return Ok(Self::Compressed(subscribe(node, topic, kind, qos)?));
@@ -61,19 +76,27 @@ impl Images {
         )?))
     }
 
-    /// Wakes the event loop when there is an image.
+    /// Subscribes to what a detector finds in the images of a camera.
+    pub(crate) fn boxes(node: &mut Node, topic: &str, qos: &QosProfile) -> Result<Self> {
+        let kind = ("vision_msgs", "Detection2DArray");
+        Ok(Self::Boxes(subscribe(node, topic, kind, qos)?))
+    }
+
+    /// Wakes the event loop when there is a message.
     pub(crate) fn register(&mut self, registry: &Registry, token: Token) -> std::io::Result<()> {
         match self {
             Self::Raw(images) => images.register(registry, token, Interest::READABLE),
             Self::Compressed(images) => images.register(registry, token, Interest::READABLE),
+            Self::Boxes(boxes) => boxes.register(registry, token, Interest::READABLE),
         }
     }
 
-    /// Returns the next image, if there is one; damaged messages are left out.
+    /// Returns the next message, if there is one; damaged ones are left out.
     pub(crate) fn take(&self) -> Option<Received> {
         match self {
             Self::Raw(images) => next(images).map(Received::Raw),
             Self::Compressed(images) => next(images).map(Received::Compressed),
+            Self::Boxes(boxes) => next(boxes).map(Received::Boxes),
         }
     }
 }
@@ -92,31 +115,58 @@ pub(crate) fn next<M: serde::de::DeserializeOwned + 'static>(
 }
 
 impl Received {
-    /// Returns when it was taken, or received if it does not say so.
+    /// Returns when the image was taken, or received if it does not say so.
     pub(crate) fn stamp(&self) -> Time {
-        let stamp = match self {
-            Self::Raw(image) => image.stamp(),
-            Self::Compressed(image) => image.stamp(),
+        let (sec, nanosec) = match self {
+            Self::Raw(image) => (image.stamp().sec, image.stamp().nanosec),
+            Self::Compressed(image) => (image.stamp().sec, image.stamp().nanosec),
+            Self::Boxes(boxes) => (boxes.header.stamp.sec, boxes.header.stamp.nanosec),
         };
-        if stamp.seconds().is_some() {
-            return Time {
-                sec: stamp.sec,
-                nanosec: stamp.nanosec,
-            };
+        if (sec, nanosec) == (0, 0) {
+            return clock::now();
         }
-        clock::now()
+        Time { sec, nanosec }
     }
 
-    /// Returns the image as a frame of this time.
-    pub(crate) fn frame(&self, time_s: f64) -> Result<Frame, String> {
+    /// Returns the image as a frame of this time, or the boxes.
+    pub(crate) fn content(&self, time_s: f64) -> Result<Content, String> {
         let pixels = match self {
             Self::Raw(image) => image.pixels()?,
             Self::Compressed(image) => image.pixels()?,
+            Self::Boxes(boxes) => {
+                let boxes = boxes.detections.iter().filter_map(ClassBox::of);
+                return boxes.collect::<Result<_, _>>().map(Content::Boxes);
+            }
         };
         let (width, height) = pixels.size_px;
         let encoding = YuvEncoding::default();
         let frame = Frame::new(pixels.format, encoding, width, height, pixels.bytes, time_s);
-        frame.map_err(|error| error.to_string())
+        frame.map(Content::Frame).map_err(|error| error.to_string())
+    }
+}
+
+impl ClassBox {
+    /// Returns the box of a detection with its likeliest class; `None` without a class.
+    fn of(detection: &Detection2D) -> Option<Result<Self, String>> {
+        let classes = detection.results.iter().map(|result| &result.hypothesis);
+        let likeliest = classes.max_by(|a, b| a.score.total_cmp(&b.score))?;
+        let BoundingBox2D {
+            center: [u, v],
+            theta,
+            size: [width, height],
+        } = detection.bbox;
+        if theta != 0.0 {
+            return Some(Err(format!(
+                "a box is turned by {theta} radians; allowed: 0"
+            )));
+        }
+        // They count from the corner of the first pixel, as in Pardalis from its centre.
+        let (left, top) = (u - 0.5 - width / 2.0, v - 0.5 - height / 2.0);
+        let image_box = ImageBox::new([left, top, left + width, top + height])
+            .and_then(|image_box| image_box.with_score(likeliest.score));
+        let class = likeliest.class_id.clone();
+        let found = image_box.map(|image_box| Self { class, image_box });
+        Some(found.map_err(|error| error.to_string()))
     }
 }
 

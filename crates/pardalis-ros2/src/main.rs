@@ -19,15 +19,15 @@ use clap::Parser;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use pardalis::platform::{PoseCovariance, StampedPose};
 use pardalis::tracker::PlatformId;
-use pardalis::{CameraId, FrameSet, Tracker};
+use pardalis::{CameraId, FrameSet, TargetId, Tracker};
 use pardalis_camera::Pose;
+use pardalis_scene::Scene;
 use pardalis_scene::calibration::{self, CalibrationFormat};
-use pardalis_scene::{Scene, TargetConfig};
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{Context, ContextOptions, Node, NodeName, NodeOptions, QosProfile};
 use rustdds::mio1::{Events, Poll, Token};
 
-use input::{Calibrations, Images, Motion, Received, next, subscribe};
+use input::{Calibrations, Content, Messages, Motion, Received, next, subscribe};
 use messages::{DiagnosticStatus, KeyValue, Odometry, Time};
 use output::{OK, Output, WARN};
 use sets::{Counts, Set, Sets};
@@ -42,6 +42,9 @@ const POLL: Duration = Duration::from_millis(100);
 const MAX_AHEAD_NS: i64 = 10_000_000_000;
 /// Number of images that may wait in a subscription.
 const DEPTH: usize = 5;
+/// Number of images of a camera that may wait for those of others, and for what a detector, which takes its time, found in them.
+const MAX_WAITING: usize = 3;
+const MAX_WAITING_FOR_DETECTORS: usize = 30;
 
 /// Tracks the targets of a scene in images of ROS 2, and publishes where they are
 ///
@@ -56,6 +59,7 @@ const DEPTH: usize = 5;
   pardalis-ros2 scene.toml                                   cam1 of the scene is /cam1/image_raw
   pardalis-ros2 scene.toml left=/stereo/left/image_raw right=/stereo/right/image_raw/compressed
   pardalis-ros2 scene.toml --camera-info cam1=/cam1/camera_info
+  pardalis-ros2 scene.toml --detections cam1=/yolo/detections
   pardalis-ros2 scene.toml --odometry robot=/odom --frame odom"
 )]
 struct Arguments {
@@ -68,6 +72,9 @@ struct Arguments {
     /// Takes the lens of a camera from a topic of CameraInfo, in place of a model or calibration in the scene
     #[arg(long, value_name = "CAMERA=TOPIC", value_parser = pair)]
     camera_info: Vec<(String, String)>,
+    /// Takes what a detector found in the images of a camera from a topic of Detection2DArray, for targets with a `detector`
+    #[arg(long, value_name = "CAMERA=TOPIC", value_parser = pair)]
+    detections: Vec<(String, String)>,
     /// Takes the motion of a platform of the scene from a topic of Odometry
     #[arg(long, value_name = "PLATFORM=TOPIC", value_parser = pair)]
     odometry: Vec<(String, String)>,
@@ -141,11 +148,13 @@ impl std::fmt::Display for Failure {
 
 impl std::error::Error for Failure {}
 
-/// A camera with its topic.
-struct Camera {
+/// A topic of images of a camera, or of what a detector found in them.
+struct Source {
+    /// The name of the camera, and what else it is, for messages.
     name: String,
+    camera: CameraId,
     topic: String,
-    images: Images,
+    messages: Messages,
 }
 
 /// Whether the user has interrupted the program.
@@ -171,39 +180,30 @@ fn run(arguments: &Arguments) -> Result<()> {
     if let Some(seed) = arguments.seed {
         settings.insert("seed".to_owned(), toml::Value::Integer(seed.into()));
     }
+    // Calibrations that were published once and are kept for those who come later ("latched"), and those that are published again and again.
+    let kept = qos
+        .clone()
+        .durability(Durability::TransientLocal)
+        .reliability_reliable(WhenFull::Fail);
     for (camera, topic) in &arguments.camera_info {
-        let info = subscribe(&mut node, topic, ("sensor_msgs", "CameraInfo"), &qos)?;
-        if !set_model(&mut settings, camera, topic, &info, &stop)? {
+        let mut infos =
+            |qos: &QosProfile| subscribe(&mut node, topic, ("sensor_msgs", "CameraInfo"), qos);
+        let infos = [infos(&qos)?, infos(&kept)?];
+        if !set_model(&mut settings, camera, topic, &infos, &stop)? {
             return Ok(());
         }
     }
     // All that can be wrong without an image, before the wait for images.
     let scene = pardalis_cli::scene_without_inputs(&arguments.scene, &settings)?;
-    let has_detector = |target: &&TargetConfig| target.bodies.iter().any(|b| b.class().is_some());
-    if let Some(target) = scene.targets.iter().find(has_detector) {
-        bail!(
-            "targets.{}.detector: boxes of other programs are not taken from topics; give the target colours",
-            target.name
-        );
-    }
+    let classes = classes(&scene, arguments)?;
     let platforms = platforms(&mut node, arguments, &scene, &qos)?;
-    // In the order of the scene, which the tracker has, too.
-    let mut cameras = Vec::new();
-    for camera in &scene.cameras {
-        let name = camera.name.clone();
-        let given = arguments.topics.iter().find(|(camera, _)| *camera == name);
-        let default = || format!("/{}/image_raw", in_topic(&name));
-        let topic = given.map_or_else(default, |(_, topic)| topic.clone());
-        cameras.push(Camera {
-            images: Images::subscribe(&mut node, &topic, &qos)?,
-            name,
-            topic,
-        });
-    }
-    let Some(firsts) = first_images(&cameras, &stop) else {
+    let mut sources = images(&mut node, arguments, &scene, &qos)?;
+    let detectors = detectors(&mut node, arguments, &scene, &qos)?;
+    let Some(firsts) = first_images(&sources, &stop) else {
         return Ok(());
     };
-    let sizes = sizes(&cameras, &firsts)?;
+    let sizes = sizes(&sources, &firsts)?;
+    sources.extend(detectors);
     let opened = pardalis_cli::tracker_of_scene(Some(&arguments.scene), &settings, &sizes);
     let (scene, tracker) = opened?;
     for warning in &scene.warnings {
@@ -226,9 +226,15 @@ fn run(arguments: &Arguments) -> Result<()> {
             .collect::<Vec<_>>()
             .join(", ")
     );
+    let max_waiting = if arguments.detections.is_empty() {
+        MAX_WAITING
+    } else {
+        MAX_WAITING_FOR_DETECTORS
+    };
     let mut tracking = Tracking {
-        sets: Sets::new(cameras.len(), max_delay),
-        cameras,
+        sets: Sets::new(sources.len(), max_delay, max_waiting),
+        sources,
+        classes,
         platforms,
         tracker,
         output,
@@ -238,13 +244,90 @@ fn run(arguments: &Arguments) -> Result<()> {
         latency_s: 0.0,
     };
     tracking.run(&stop)?;
-    for (camera, counts) in tracking.cameras.iter().zip(tracking.sets.counts()) {
+    for (source, counts) in tracking.sources.iter().zip(tracking.sets.counts()) {
         eprintln!(
             "{}: {} images received, {} used, {} late, {} dropped because tracking was too slow",
-            camera.name, counts.received, counts.used, counts.late, counts.dropped
+            source.name, counts.received, counts.used, counts.late, counts.dropped
         );
     }
     Ok(())
+}
+
+/// Subscribes to the images of all cameras, in the order of the scene, which the tracker has, too.
+fn images(
+    node: &mut Node,
+    arguments: &Arguments,
+    scene: &Scene,
+    qos: &QosProfile,
+) -> Result<Vec<Source>> {
+    let cameras = scene.cameras.iter().enumerate();
+    let sources = cameras.map(|(number, camera)| {
+        let name = camera.name.clone();
+        let given = arguments.topics.iter().find(|(camera, _)| *camera == name);
+        let default = || format!("/{}/image_raw", in_topic(&name));
+        let topic = given.map_or_else(default, |(_, topic)| topic.clone());
+        Ok(Source {
+            messages: Messages::images(node, &topic, qos)?,
+            camera: CameraId::new(number),
+            name,
+            topic,
+        })
+    });
+    sources.collect()
+}
+
+/// Subscribes to what detectors find.
+fn detectors(
+    node: &mut Node,
+    arguments: &Arguments,
+    scene: &Scene,
+    qos: &QosProfile,
+) -> Result<Vec<Source>> {
+    let cameras = scene.cameras.iter().enumerate();
+    let with_topics = cameras.flat_map(|(number, camera)| {
+        let topics = arguments.detections.iter();
+        let topics = topics.filter(|(name, _)| *name == camera.name);
+        topics.map(move |(name, topic)| (CameraId::new(number), name, topic))
+    });
+    let sources = with_topics.map(|(camera, name, topic)| {
+        Ok(Source {
+            messages: Messages::boxes(node, topic, qos)?,
+            camera,
+            name: format!("{name}, detections"),
+            topic: topic.clone(),
+        })
+    });
+    sources.collect()
+}
+
+/// Returns the targets that detectors find, each with the class of its boxes. Fails if no topic has such boxes, or nothing needs those of a topic.
+fn classes(scene: &Scene, arguments: &Arguments) -> Result<Vec<(TargetId, String)>> {
+    let mut classes = Vec::new();
+    for (number, target) in scene.targets.iter().enumerate() {
+        for class in target.bodies.iter().filter_map(|body| body.class()) {
+            classes.push((TargetId::new(number), class.to_owned()));
+        }
+    }
+    match (classes.first(), arguments.detections.first()) {
+        (Some((target, _)), None) => bail!(
+            "targets.{}.detector: no topic has its boxes; give --detections {}=/TOPIC",
+            scene.targets[target.index()].name,
+            scene.cameras[0].name
+        ),
+        (None, Some((camera, topic))) => bail!(
+            "--detections {camera}={topic}: no target of the scene has a detector; give one `detector = {{}}` in place of colors"
+        ),
+        _ => {}
+    }
+    for (number, (camera, _)) in arguments.detections.iter().enumerate() {
+        if arguments.detections[..number]
+            .iter()
+            .any(|(other, _)| other == camera)
+        {
+            bail!("--detections: {camera} is given twice; give it one topic");
+        }
+    }
+    Ok(classes)
 }
 
 /// Subscribes to the motion of platforms.
@@ -312,7 +395,12 @@ fn check_cameras(arguments: &Arguments) -> Result<()> {
         pardalis_cli::scene_without_inputs(&arguments.scene, &toml::Table::new())?;
         return Ok(());
     };
-    for (camera, _) in arguments.topics.iter().chain(&arguments.camera_info) {
+    let given = [
+        &arguments.topics,
+        &arguments.camera_info,
+        &arguments.detections,
+    ];
+    for (camera, _) in given.into_iter().flatten() {
         if !cameras.contains_key(camera) {
             let names: Vec<&str> = cameras.keys().map(String::as_str).collect();
             bail!(
@@ -329,12 +417,12 @@ fn set_model(
     settings: &mut toml::Table,
     camera: &str,
     topic: &str,
-    infos: &Calibrations,
+    infos: &[Calibrations; 2],
     stop: &Stop,
 ) -> Result<bool> {
     let mut reminded = clock::instant();
     let info = loop {
-        if let Some(info) = next(infos) {
+        if let Some(info) = infos.iter().find_map(next) {
             break info;
         }
         if stop.load(Ordering::Relaxed) {
@@ -360,12 +448,12 @@ fn set_model(
 }
 
 /// Waits for an image of each camera; `None` if the user interrupts.
-fn first_images(cameras: &[Camera], stop: &Stop) -> Option<Vec<Received>> {
-    let mut firsts: Vec<Option<Received>> = cameras.iter().map(|_| None).collect();
+fn first_images(sources: &[Source], stop: &Stop) -> Option<Vec<Received>> {
+    let mut firsts: Vec<Option<Received>> = sources.iter().map(|_| None).collect();
     let mut reminded = clock::instant();
     loop {
-        for (camera, first) in cameras.iter().zip(&mut firsts) {
-            *first = camera.images.take().or(first.take());
+        for (source, first) in sources.iter().zip(&mut firsts) {
+            *first = source.messages.take().or(first.take());
         }
         if firsts.iter().all(Option::is_some) {
             return firsts.into_iter().collect();
@@ -374,11 +462,11 @@ fn first_images(cameras: &[Camera], stop: &Stop) -> Option<Vec<Received>> {
             return None;
         }
         if reminded.elapsed() > REMINDER {
-            let missing = cameras
+            let missing = sources
                 .iter()
                 .zip(&firsts)
                 .filter(|(_, first)| first.is_none());
-            let topics: Vec<&str> = missing.map(|(camera, _)| &*camera.topic).collect();
+            let topics: Vec<&str> = missing.map(|(source, _)| &*source.topic).collect();
             eprintln!("waiting for images on {}", topics.join(", "));
             reminded = clock::instant();
         }
@@ -387,18 +475,23 @@ fn first_images(cameras: &[Camera], stop: &Stop) -> Option<Vec<Received>> {
 }
 
 /// Returns the size of the images of each camera.
-fn sizes(cameras: &[Camera], firsts: &[Received]) -> Result<Vec<(String, (usize, usize))>> {
-    let size = |(camera, first): (&Camera, &Received)| {
-        let frame = first.frame(0.0);
-        let frame = frame.map_err(|error| anyhow!("{}: {error}", camera.topic))?;
-        Ok((camera.name.clone(), (frame.width(), frame.height())))
-    };
-    cameras.iter().zip(firsts).map(size).collect()
+fn sizes(sources: &[Source], firsts: &[Received]) -> Result<Vec<(String, (usize, usize))>> {
+    let mut sizes = Vec::new();
+    for (source, first) in sources.iter().zip(firsts) {
+        let content = first.content(0.0);
+        let content = content.map_err(|error| anyhow!("{}: {error}", source.topic))?;
+        if let Content::Frame(frame) = content {
+            sizes.push((source.name.clone(), (frame.width(), frame.height())));
+        }
+    }
+    Ok(sizes)
 }
 
 /// The node at work.
 struct Tracking {
-    cameras: Vec<Camera>,
+    sources: Vec<Source>,
+    /// The targets that detectors find, and the classes of their boxes.
+    classes: Vec<(TargetId, String)>,
     platforms: Vec<(PlatformId, Motion)>,
     tracker: Tracker,
     sets: Sets<Received>,
@@ -415,12 +508,12 @@ impl Tracking {
     /// Tracks until an interrupt.
     fn run(&mut self, stop: &Stop) -> Result<()> {
         let mut poll = Poll::new()?;
-        for (number, camera) in self.cameras.iter_mut().enumerate() {
-            camera.images.register(poll.registry(), Token(number))?;
+        for (number, source) in self.sources.iter_mut().enumerate() {
+            source.messages.register(poll.registry(), Token(number))?;
         }
         let mut events = Events::with_capacity(16);
         let mut reported = clock::instant();
-        let mut seen = vec![Counts::default(); self.cameras.len()];
+        let mut seen = vec![Counts::default(); self.sources.len()];
         while !stop.load(Ordering::Relaxed) {
             let due = self
                 .sets
@@ -452,11 +545,11 @@ impl Tracking {
         let now = clock::instant();
         let latest_ns = clock::now().nanoseconds() + MAX_AHEAD_NS;
         let mut ahead = None;
-        for (number, camera) in self.cameras.iter().enumerate() {
-            while let Some(image) = camera.images.take() {
+        for (number, source) in self.sources.iter().enumerate() {
+            while let Some(image) = source.messages.take() {
                 let stamp_ns = image.stamp().nanoseconds();
                 if stamp_ns > latest_ns {
-                    ahead = Some(&*camera.topic);
+                    ahead = Some(&*source.topic);
                     self.unusable += 1;
                     continue;
                 }
@@ -484,21 +577,30 @@ impl Tracking {
     fn track(&mut self, set: &Set<Received>, now: Instant) -> Result<()> {
         let stamp = Time::of_nanoseconds(set.stamp_ns);
         let time_s = stamp.seconds();
-        let mut frames = Vec::new();
-        for (camera, image) in &set.images {
-            match image.frame(time_s) {
-                Ok(frame) => frames.push((CameraId::new(*camera), frame)),
+        let (mut frames, mut boxes) = (Vec::new(), Vec::new());
+        for (number, received) in &set.images {
+            let Source { camera, topic, .. } = &self.sources[*number];
+            match received.content(time_s) {
+                Ok(Content::Frame(frame)) => frames.push((*camera, frame)),
+                Ok(Content::Boxes(found)) => boxes.push((*camera, found)),
                 Err(error) => {
-                    let topic = self.cameras[*camera].topic.clone();
-                    self.refuse(1, &format!("{topic}: {error}"));
+                    let error = format!("{topic}: {error}");
+                    self.refuse(1, &error);
                 }
             }
         }
-        let frames = if frames.is_empty() {
+        let mut frames = if frames.is_empty() {
             FrameSet::without_frames(time_s)?
         } else {
             FrameSet::new(frames)?
         };
+        for (camera, found) in &boxes {
+            for (target, class) in &self.classes {
+                let own = found.iter().filter(|found| found.class == *class);
+                let own = own.map(|found| found.image_box).collect();
+                frames = frames.with_boxes(*camera, *target, own)?;
+            }
+        }
         // Such as images of another size than the first.
         if let Err(error) = self.tracker.observe(&frames) {
             self.refuse(frames.frames().len(), &error.to_string());
@@ -520,13 +622,13 @@ impl Tracking {
 
     /// Publishes how the cameras do; `seen` are the counts of each at the last report.
     fn report(&mut self, seen: &mut [Counts], elapsed_s: f64) {
-        let cameras = self.cameras.iter().zip(self.sets.counts()).zip(seen);
-        let status = cameras.map(|((camera, counts), seen)| {
+        let sources = self.sources.iter().zip(self.sets.counts()).zip(seen);
+        let status = sources.map(|((source, counts), seen)| {
             let rate_hz = (counts.received - seen.received) as f64 / elapsed_s;
             let is_late = counts.late > seen.late && counts.used == seen.used;
             *seen = *counts;
             let (level, message) = if rate_hz == 0.0 {
-                (WARN, format!("no image on {}", camera.topic))
+                (WARN, format!("nothing on {}", source.topic))
             } else if is_late {
                 let message = "all images are older than those that were tracked; if a clock was set back, start the node again";
                 (WARN, message.to_owned())
@@ -548,9 +650,9 @@ impl Tracking {
             });
             DiagnosticStatus {
                 level,
-                name: format!("pardalis: {}", camera.name),
+                name: format!("pardalis: {}", source.name),
                 message,
-                hardware_id: camera.name.clone(),
+                hardware_id: source.name.clone(),
                 values: values.collect(),
             }
         });

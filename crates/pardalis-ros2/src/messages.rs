@@ -109,17 +109,41 @@ pub(crate) struct Odometry {
 }
 
 /// `vision_msgs/ObjectHypothesis`.
-#[derive(Clone, Serialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct ObjectHypothesis {
     pub(crate) class_id: String,
     pub(crate) score: f64,
 }
 
 /// `vision_msgs/ObjectHypothesisWithPose`.
-#[derive(Clone, Serialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct ObjectHypothesisWithPose {
     pub(crate) hypothesis: ObjectHypothesis,
     pub(crate) pose: PoseWithCovariance,
+}
+
+/// `vision_msgs/BoundingBox2D`, with its `Pose2D`.
+#[derive(Clone, Copy, Deserialize)]
+pub(crate) struct BoundingBox2D {
+    pub(crate) center: [f64; 2],
+    pub(crate) theta: f64,
+    pub(crate) size: [f64; 2],
+}
+
+/// `vision_msgs/Detection2D`.
+#[derive(Clone, Deserialize)]
+pub(crate) struct Detection2D {
+    _header: Header,
+    pub(crate) results: Vec<ObjectHypothesisWithPose>,
+    pub(crate) bbox: BoundingBox2D,
+    _id: String,
+}
+
+/// `vision_msgs/Detection2DArray`.
+#[derive(Clone, Deserialize)]
+pub(crate) struct Detection2DArray {
+    pub(crate) header: Header,
+    pub(crate) detections: Vec<Detection2D>,
 }
 
 /// `vision_msgs/BoundingBox3D`.

@@ -1,13 +1,12 @@
-//! Images of several cameras as sets of one instant. Of images that tracking is too slow for, the latest win.
+//! Images of several cameras, and what detectors found in them, as sets of one instant. Of those that tracking is too slow for, the latest win.
+//!
+//! A detector is a camera here, whose images are lists of boxes.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 /// Images closer in time than this belong together: triggered cameras whose stamps were rounded.
 const SAME_INSTANT_NS: i64 = 1000;
-
-/// Number of images of a camera that may wait. Of more, the oldest is dropped.
-const MAX_WAITING: usize = 3;
 
 /// How many images of a camera came, and what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -33,6 +32,8 @@ pub(crate) struct Sets<T> {
     latest_ns: Vec<i64>,
     /// How long an image waits for those of other cameras.
     max_delay: Duration,
+    /// Number of images of a camera that may wait. Of more, the oldest is dropped.
+    max_waiting: usize,
     emitted_ns: i64,
     counts: Vec<Counts>,
 }
@@ -44,11 +45,12 @@ pub(crate) struct Set<T> {
 }
 
 impl<T> Sets<T> {
-    pub(crate) fn new(cameras: usize, max_delay: Duration) -> Self {
+    pub(crate) fn new(cameras: usize, max_delay: Duration, max_waiting: usize) -> Self {
         Self {
             waiting: (0..cameras).map(|_| VecDeque::new()).collect(),
             latest_ns: vec![i64::MIN; cameras],
             max_delay,
+            max_waiting,
             emitted_ns: i64::MIN,
             counts: vec![Counts::default(); cameras],
         }
@@ -76,7 +78,7 @@ impl<T> Sets<T> {
             image,
         };
         waiting.insert(place, image);
-        if waiting.len() > MAX_WAITING {
+        if waiting.len() > self.max_waiting {
             waiting.pop_front();
             counts.dropped += 1;
         }
@@ -94,7 +96,7 @@ impl<T> Sets<T> {
         let is_full = self
             .waiting
             .iter()
-            .any(|waiting| waiting.len() >= MAX_WAITING);
+            .any(|waiting| waiting.len() >= self.max_waiting);
         if !is_complete && !is_full && now < arrived + self.max_delay {
             return None;
         }
@@ -139,7 +141,7 @@ mod tests {
     #[test]
     fn a_set_is_complete_with_the_last_camera() {
         let now = clock::instant();
-        let mut sets = Sets::new(2, MAX_DELAY);
+        let mut sets = Sets::new(2, MAX_DELAY, 3);
         sets.take(0, 1_000_000, 10, now);
         assert_eq!(numbers(sets.next(now)), None);
         // Half a microsecond later.
@@ -155,7 +157,7 @@ mod tests {
     #[test]
     fn a_camera_that_is_silent_delays_the_others_and_no_more() {
         let now = clock::instant();
-        let mut sets = Sets::new(2, MAX_DELAY);
+        let mut sets = Sets::new(2, MAX_DELAY, 3);
         sets.take(0, 1_000_000, 10, now);
         assert_eq!(sets.due(), Some(now + MAX_DELAY));
         assert_eq!(numbers(sets.next(now + MAX_DELAY / 2)), None);
@@ -175,7 +177,7 @@ mod tests {
     #[test]
     fn a_fast_camera_is_not_held_up_by_a_silent_one() {
         let begin = clock::instant();
-        let mut sets = Sets::new(2, MAX_DELAY);
+        let mut sets = Sets::new(2, MAX_DELAY, 3);
         let mut emitted = 0;
         for number in 1..=50 {
             let now = begin + Duration::from_millis(5 * number);
@@ -189,7 +191,7 @@ mod tests {
     #[test]
     fn images_are_sorted_and_the_latest_win() {
         let now = clock::instant();
-        let mut sets = Sets::new(1, MAX_DELAY);
+        let mut sets = Sets::new(1, MAX_DELAY, 3);
         for stamp_ns in [30_000, 10_000, 20_000, 20_000, 40_000] {
             sets.take(0, stamp_ns, stamp_ns as u32, now);
         }

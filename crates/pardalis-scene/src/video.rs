@@ -443,16 +443,28 @@ fn place_of(video: &str, format: Option<VideoFormat>) -> Result<VideoPlace, Stri
     if STANDARD_INPUT_FILES.contains(&video) {
         return Err("is standard input; write \"-\" for it".to_owned());
     }
-    let Some((scheme, _)) = video.split_once("://") else {
+    let Some((scheme, rest)) = video.split_once("://") else {
         return Ok(VideoPlace::File(video.to_owned()));
     };
     let found = Protocol::WORDS.iter().find(|(word, _)| *word == scheme);
-    let place = found.map(|&(_, protocol)| VideoPlace::Address(protocol, video.to_owned()));
-    place.ok_or_else(|| {
+    let Some(&(_, protocol)) = found else {
         let words: Vec<_> = Protocol::WORDS.iter().map(|(word, _)| *word).collect();
-        format!(
+        return Err(format!(
             "has the protocol {scheme}; allowed: {}, or the path of a file",
             words.join(", ")
-        )
-    })
+        ));
+    };
+    // ffmpeg would wait for frames all the same. The other protocols have a usual port.
+    let needs_port = matches!(protocol, Protocol::Udp | Protocol::Rtp | Protocol::Tcp);
+    if needs_port && !has_port(rest) {
+        return Err(format!("has no port; give {scheme}://HOST:PORT"));
+    }
+    Ok(VideoPlace::Address(protocol, video.to_owned()))
+}
+
+/// Reports whether an address, without its protocol, has a port.
+fn has_port(address: &str) -> bool {
+    let end = address.find(['/', '?']).unwrap_or(address.len());
+    let port = address[..end].rsplit_once(':').map(|(_, port)| port);
+    port.is_some_and(|port| port.parse::<u16>().is_ok_and(|port| port > 0))
 }

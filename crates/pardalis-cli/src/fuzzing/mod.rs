@@ -7,6 +7,8 @@ mod images;
 mod memory;
 #[cfg(test)]
 mod mutation;
+#[cfg(feature = "mcap")]
+mod recordings;
 mod scenes;
 mod tables;
 #[cfg(test)]
@@ -44,11 +46,11 @@ impl Reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 30] = {
+pub const READERS: &[Reader] = {
     const fn reader(name: &'static str, check: fn(&[u8]) -> bool) -> Reader {
         Reader { name, check }
     }
-    [
+    &[
         reader("scene", scenes::scene),
         reader("world", scenes::world),
         reader("experiment", scenes::experiment),
@@ -80,6 +82,8 @@ pub const READERS: [Reader; 30] = {
         reader("ffprobe", source::ffprobe),
         reader("ffmpeg-messages", source::messages),
         reader("device-formats", tables::device_formats),
+        #[cfg(feature = "mcap")]
+        reader("mcap", recordings::mcap),
     ]
 };
 

@@ -30,7 +30,7 @@ fn check(reader: &Reader, what: &str, bytes: &[u8]) -> bool {
 /// Tries damaged samples of each reader, about this number of bytes; those with the same seed are the same.
 fn try_damaged(bytes: usize) {
     let (mut tried, mut read) = (0, 0);
-    for reader in &READERS {
+    for reader in READERS {
         let samples = samples_of(reader);
         let mean = samples.files.iter().map(Vec::len).sum::<usize>() / samples.files.len();
         let count = bytes / mean;
@@ -55,7 +55,7 @@ fn try_damaged(bytes: usize) {
 
 #[test]
 fn every_sample_is_accepted() {
-    for reader in &READERS {
+    for reader in READERS {
         let samples = samples_of(reader);
         assert!(!samples.files.is_empty(), "{} has no samples", reader.name);
         for (index, file) in samples.files.iter().enumerate() {
@@ -82,7 +82,7 @@ fn found_files_are_read_or_rejected() {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let bytes = fs::read(&path).unwrap();
-        for reader in &READERS {
+        for reader in READERS {
             check(reader, &path.display().to_string(), &bytes);
         }
     }

@@ -24,7 +24,7 @@ pub(super) fn read(
     let mut topics: Vec<String> = Vec::new();
     let (mut cameras, mut problems) = (Vec::new(), Vec::new());
     let expected = summary(path).map(|summary| {
-        let channels = summary.channels.values();
+        let channels = summary.channels.iter();
         let topics = channels.filter(|channel| is_calibration(channel));
         topics
             .map(|channel| &channel.topic)

@@ -149,7 +149,7 @@ impl Images {
             count: None,
             span_s: None,
         };
-        let statistics = summary.and_then(|summary| summary.stats);
+        let statistics = summary.and_then(|summary| summary.statistics);
         let count = statistics.as_ref().and_then(|statistics| {
             let counts = &statistics.channel_message_counts;
             let here = channels

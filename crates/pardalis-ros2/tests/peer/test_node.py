@@ -1,6 +1,7 @@
 """The node and an independent implementation of DDS, in both directions."""
 
 import csv
+import json
 import os
 import random
 import signal
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 from cyclonedds.internal import InvalidSample
 from PIL import Image
-from ros import DATA, Peer, header, message, nanoseconds
+from ros import DATA, LATCHED, RELIABLE, Peer, header, message, nanoseconds
 
 PROGRAM = Path(os.environ["PARDALIS_ROS2"])
 RIG = DATA / "webcams-two"
@@ -124,10 +125,12 @@ def test_two_cameras_are_tracked_and_all_results_arrive(tmp_path, domain):
         wait_for(lambda: matched(writers))
         # The first images only tell how large they are.
         until = time.monotonic() + 20
+        ns = 0
         while not matched(readers=readers.values()):
             assert time.monotonic() < until, node.text()
-            writers[0].write(raw(1, np.asarray(Image.open(file_of("cam1", 0)))))
-            writers[1].write(compressed(1, "cam2", 0))
+            ns += 10**6
+            writers[0].write(raw(ns, np.asarray(Image.open(file_of("cam1", 0)))))
+            writers[1].write(compressed(ns, "cam2", 0))
             time.sleep(0.1)
         for number in range(60):
             ns = START_NS + number * STEP_NS
@@ -196,7 +199,8 @@ def test_cameras_keep_their_images_in_any_order_of_the_scene(tmp_path, domain):
     np.testing.assert_allclose([position.x, position.y, position.z], truth_m()[0], atol=0.003)
 
 
-def test_the_lens_may_come_from_camera_info(tmp_path, domain):
+@pytest.mark.parametrize("is_latched", [False, True])
+def test_the_lens_may_come_from_camera_info(tmp_path, domain, is_latched):
     peer = Peer(domain)
     scene = SCENE.replace("[cameras.cam2]\ncalibration", "[cameras.cam2]\n# calibration").replace(
         f'[cameras.cam1]\ncalibration = "{RIG.as_posix()}/cameras.json"',
@@ -204,7 +208,7 @@ def test_the_lens_may_come_from_camera_info(tmp_path, domain):
     )
     scene = scene.split("[cameras.cam2]")[0] + "[targets.ball]" + scene.split("[targets.ball]")[1]
     writer = peer.publisher("/cam1/image_raw", IMAGE)
-    infos = peer.publisher("/cam1/camera_info", "sensor_msgs/msg/CameraInfo")
+    infos = peer.publisher("/cam1/camera_info", "sensor_msgs/msg/CameraInfo", LATCHED if is_latched else RELIABLE)
     poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
     region = message("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False)
     k = [330, 0, 159.5, 0, 330, 119.5, 0, 0, 1]
@@ -213,11 +217,14 @@ def test_the_lens_may_come_from_camera_info(tmp_path, domain):
         [330.0, 0, 159.5, 0, 0, 330, 119.5, 0, 0, 0, 1, 0], 0, 0, region,
     )  # fmt: skip
     found = []
+    if is_latched:
+        infos.write(info)
     with Node(tmp_path, domain, "--camera-info", "cam1=/cam1/camera_info", scene=scene) as node:
         number = 0
         until = time.monotonic() + 20
         while len(found) < 5 and time.monotonic() < until:
-            infos.write(info)
+            if not is_latched:
+                infos.write(info)
             writer.write(raw(START_NS + number * STEP_NS, np.asarray(Image.open(file_of("cam1", number % 60)))))
             number += 1
             time.sleep(0.05)
@@ -260,6 +267,89 @@ def test_odometry_moves_the_camera(tmp_path, domain):
     # The truth is (2.62, -1.27) from the robot's origin.
     position = found[-1].pose.pose.position
     np.testing.assert_allclose([position.x, position.y], [5 + 2.62, -3 - 1.27], atol=0.1)
+
+
+def detections(ns, boxes):
+    """What a detector found: classes, scores and sides, which count from the corner of the image."""
+    found = []
+    for name, score, (left, top, right, bottom) in boxes:
+        point, quaternion, pose = (message(f"geometry_msgs/msg/{kind}") for kind in ("Point", "Quaternion", "Pose"))
+        nowhere = pose(point(0.0, 0.0, 0.0), quaternion(0.0, 0.0, 0.0, 1.0))
+        nowhere = message("geometry_msgs/msg/PoseWithCovariance")(nowhere, [0.0] * 36)
+        result = message("vision_msgs/msg/ObjectHypothesisWithPose")
+        hypothesis = message("vision_msgs/msg/ObjectHypothesis")
+        results = [result(hypothesis("kite", score / 2), nowhere), result(hypothesis(name, score), nowhere)]
+        centre = message("vision_msgs/msg/Point2D")((left + right) / 2, (top + bottom) / 2)
+        centre = message("vision_msgs/msg/Pose2D")(centre, 0.0)
+        box = message("vision_msgs/msg/BoundingBox2D")(centre, float(right - left), float(bottom - top))
+        found.append(message("vision_msgs/msg/Detection2D")(header(ns), results, box, ""))
+    return message("vision_msgs/msg/Detection2DArray")(header(ns), found)
+
+
+def test_boxes_of_detectors_are_tracked(tmp_path, domain):
+    scene = SCENE.split("colors = ")[0] + 'detector.class = "sports ball"\n[timing]\nmax_delay_s = 60\n'
+    peer = Peer(domain)
+    images = [peer.publisher(f"/{name}/image_raw/compressed", COMPRESSED) for name in NAMES]
+    boxes = [peer.publisher(f"/{name}/boxes", "vision_msgs/msg/Detection2DArray") for name in NAMES]
+    poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    states = peer.subscription("/pardalis/ball/state", "std_msgs/msg/String")
+    cameras = json.loads((RIG / "cameras.json").read_text())["cameras"]
+    topics = [f"{name}=/{name}/image_raw/compressed" for name in NAMES]
+    options = [option for name in NAMES for option in ("--detections", f"{name}=/{name}/boxes")]
+    found, seen = [], []
+    with Node(tmp_path, domain, *topics, *options, "--reliable", scene=scene) as node:
+        wait_for(lambda: matched(images + boxes))
+        until = time.monotonic() + 20
+        ns = 0
+        while not matched(readers=[poses, states]):
+            assert time.monotonic() < until, node.text()
+            ns += 10**6
+            for writer, name in zip(images, NAMES):
+                writer.write(compressed(ns, name, 0))
+            time.sleep(0.1)
+        for number in range(40):
+            ns = START_NS + number * STEP_NS
+            for writer, name in zip(images, NAMES):
+                writer.write(compressed(ns, name, FIRST + number))
+            # Detectors take their time: these look at an image when the next has come.
+            for writer, camera in zip(boxes, cameras):
+                if number == 0:
+                    continue
+                at = np.linalg.inv(camera["T_world_from_camera"]) @ [*truth_m()[FIRST + number - 1], 1]
+                radius = camera["fx"] * 0.035 / at[2]
+                u, v = (camera[f"f{axis}"] * at[i] / at[2] + camera[f"c{axis}"] + 0.5 for i, axis in enumerate("xy"))
+                ball = ("sports ball", 0.9, [u - radius, v - radius, u + radius, v + radius])
+                # In two images they find nothing but others; later a box is none.
+                other = ("person", 0.8, [10, 20, 60, 200])
+                lists = {30: [other], 31: [other], 35: [ball, ("sports ball", 0.9, [5, 5, 5, 5])]}
+                writer.write(detections(ns - STEP_NS, lists.get(number, [other, ball])))
+            # However slow this computer is, nothing is dropped.
+            wait_for(lambda: found.extend(taken(poses)) or number < 5 or ns - STEP_NS in {nanoseconds(pose.header) for pose in found})
+            seen += taken(states)
+        log = node.stop()
+    seen += taken(states)
+    at = {nanoseconds(pose.header): pose.pose.pose.position for pose in found}
+    numbers = [number for number in range(5, 39) if START_NS + number * STEP_NS in at]
+    assert len(numbers) == 34
+    positions_m = np.array([[getattr(at[START_NS + number * STEP_NS], axis) for axis in "xyz"] for number in numbers])
+    errors_m = np.linalg.norm(positions_m - truth_m()[[FIRST + number for number in numbers]], axis=1)
+    assert np.median(errors_m) < 0.002
+    assert [state.data for state in seen].count("occluded") == 1
+    assert log.count("warning: images that are not used: ") == 1 and "/cam1/boxes: box is [" in log
+    assert "cam1, detections: 39 images received, 39 used, 0 late, 0 dropped" in log
+
+
+def test_detectors_need_topics_and_topics_detectors(tmp_path, domain):
+    boxed = SCENE.split("colors = ")[0] + "detector = {}\n"
+    for scene, options, expected in [
+        (boxed, [], "targets.ball.detector: no topic has its boxes; give --detections cam1=/TOPIC"),
+        (SCENE, ["--detections", "cam1=/boxes"], "no target of the scene has a detector"),
+        (boxed, ["--detections", "cam3=/boxes"], "cam3: is no camera of the scene; allowed: cam1, cam2"),
+        (boxed, ["--detections", "cam1=/a", "--detections", "cam1=/b"], "cam1 is given twice"),
+    ]:
+        with Node(tmp_path, domain, *options, scene=scene) as node:
+            assert node.process.wait(20) == 2
+            assert expected in node.text()
 
 
 def test_images_that_cannot_be_used_are_counted_and_cost_no_others(tmp_path, domain):

@@ -211,12 +211,12 @@ fn write_crowd<'a>(
         writeln!(
             f,
             "  {}",
-            format!("{name:<36}{value:>12}  {note}").trim_end()
+            format!("{name:<36} {value:>11}  {note}").trim_end()
         )?;
     }
     writeln!(
         f,
-        "  {:<20}{:>14}{:>14}{:>16}",
+        "  {:<20} {:>13} {:>13} {:>15}",
         "object", "visible frames", "followed", "RMS error, mm"
     )?;
     for object in objects {
@@ -224,7 +224,7 @@ fn write_crowd<'a>(
         let rms_m = visible.errors.as_ref().map(|errors| errors.position_m.rmse);
         writeln!(
             f,
-            "  {:<20}{:>14}{:>14}{:>16}",
+            "  {:<20} {:>13} {:>13} {:>15}",
             object.object,
             visible.frames,
             visible.estimates,
@@ -307,13 +307,13 @@ impl TargetReport {
         line(f, "confidence, calibration error", "", &error)?;
         writeln!(
             f,
-            "  {:<40}{:>16}{:>16}",
+            "  {:<40} {:>15} {:>15}",
             "    rows", "mean confidence", "right"
         )?;
         for bin in &reliability.bins {
             writeln!(
                 f,
-                "  {:<40}{:>16}{:>16}",
+                "  {:<40} {:>15} {:>15}",
                 format!("    {}", bin.rows),
                 fixed(bin.mean_confidence, 3),
                 fixed(bin.share_right, 3)
@@ -328,7 +328,7 @@ impl TargetReport {
 
 /// Writes one line of the table of a target.
 fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fmt::Result {
-    let text = format!("  {label:<40}{visible:>16}{all:>16}");
+    let text = format!("  {label:<40} {visible:>15} {all:>15}");
     writeln!(f, "{}", text.trim_end())
 }
 

@@ -22,28 +22,12 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
             "--fps: a recording carries its own time stamps; leave it out"
         ));
     }
-    let is_given = arguments.camera.is_some() || arguments.fov_deg.is_some();
-    let known = match known_cameras(arguments)? {
-        KnownCameras::Model(model, fov) if is_given => KnownCameras::Model(model, fov),
-        KnownCameras::Model(..) => match mcap::calibrations(file, None) {
-            Ok((cameras, problems)) => {
-                problems.iter().for_each(warn);
-                KnownCameras::Calibration {
-                    file: file.clone(),
-                    cameras,
-                }
-            }
-            Err(error) => {
-                warn(format!("{error}; the scene has a guess"));
-                KnownCameras::Model(Model::Pinhole, Fov::Unknown)
-            }
-        },
-        known @ KnownCameras::Calibration { .. } => known,
-    };
+    let (known, is_recorded) = known(arguments)?;
     let mut cameras: Vec<CameraText> = Vec::new();
     let mut left_out: Vec<String> = Vec::new();
-    for (name, topic) in mcap::image_topics(file).map_err(|message| user_error!("{message}"))? {
-        let opened = match open(file, &topic) {
+    let topics = mcap::image_topics(file).map_err(|message| user_error!("{message}"))?;
+    for (name, topic) in &topics {
+        let opened = match open(file, topic) {
             Ok(opened) => opened,
             // Such as a topic of depths.
             Err(error) => {
@@ -58,8 +42,13 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
         }
         let shown = shown_path(file, output);
         let calibrated = match &known {
-            KnownCameras::Calibration { cameras, .. } if cameras.len() == 1 => cameras.first(),
-            KnownCameras::Calibration { cameras, .. } => cameras.iter().find(|c| c.name == name),
+            // A given calibration is of all; a recorded one may be of another camera.
+            KnownCameras::Calibration { cameras, .. }
+                if cameras.len() == 1 && (!is_recorded || topics.len() == 1) =>
+            {
+                cameras.first()
+            }
+            KnownCameras::Calibration { cameras, .. } => cameras.iter().find(|c| c.name == *name),
             KnownCameras::Model(..) => None,
         };
         let text = match (&known, calibrated) {
@@ -74,13 +63,16 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
                 CameraText::known(camera, calibration, &opened, &shown, None)
             }
             (KnownCameras::Calibration { .. }, None) => {
+                warn(format!(
+                    "{topic}: has no calibration; the scene has a guess of this camera"
+                ));
                 CameraText::guessed(Model::Pinhole, &Fov::Unknown, &opened, &shown, None)
             }
             (KnownCameras::Model(model, fov), _) => {
                 CameraText::guessed(*model, fov, &opened, &shown, None)
             }
         };
-        cameras.push(text.named(name));
+        cameras.push(text.named(name.clone()));
     }
     match left_out.first() {
         Some(error) if cameras.is_empty() => Err(user_error!("{error}")),
@@ -88,6 +80,28 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
             let left_out = left_out.iter().map(|error| format!("left out: {error}"));
             left_out.for_each(warn);
             Ok(cameras)
+        }
+    }
+}
+
+/// Returns what is known of the cameras, and whether it is from the recording.
+fn known(arguments: &Arguments) -> Result<(KnownCameras, bool)> {
+    let file = &arguments.input;
+    let is_given = arguments.camera.is_some() || arguments.fov_deg.is_some();
+    let known = known_cameras(arguments)?;
+    if is_given || matches!(known, KnownCameras::Calibration { .. }) {
+        return Ok((known, false));
+    }
+    match mcap::calibrations(file, None) {
+        Ok((cameras, problems)) => {
+            problems.iter().for_each(warn);
+            let file = file.clone();
+            Ok((KnownCameras::Calibration { file, cameras }, true))
+        }
+        Err(error) => {
+            warn(format!("{error}; the scene has a guess"));
+            let guess = KnownCameras::Model(Model::Pinhole, Fov::Unknown);
+            Ok((guess, false))
         }
     }
 }

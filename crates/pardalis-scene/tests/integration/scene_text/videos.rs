@@ -47,6 +47,15 @@ fn videos_are_files_devices_or_addresses() {
     );
     let named = video_of("video = 'video=Integrated Camera'\ninput.format = 'dshow'");
     assert!(matches!(named.place, VideoPlace::Device(_)), "{named:?}");
+    for address in [
+        "udp://a:1",
+        "tcp://[::1]:5?listen",
+        "rtp://a:5004/x",
+        "http://a",
+    ] {
+        let place = video_of(&format!("video = '{address}'")).place;
+        assert!(matches!(place, VideoPlace::Address(_, of) if of == address));
+    }
     let address = video_of("video = 'rtsp://a/b'\ninput.rtsp_transport = 'tcp'");
     let wanted = VideoPlace::Address(Protocol::Rtsp, "rtsp://a/b".to_owned());
     assert_eq!(address.place, wanted);
@@ -96,6 +105,13 @@ fn scenes_cannot_give_options_generators_or_other_protocols() {
                 "protocol http,method,POST,",
             ),
             ("video = 'HTTP://a'", key, "protocol HTTP"),
+            (
+                "video = 'udp://a'",
+                key,
+                "has no port; give udp://HOST:PORT",
+            ),
+            ("video = 'tcp://[::1]/a:5?b'", key, "has no port; give tcp"),
+            ("video = 'rtp://a:0'", key, "has no port"),
             ("video = '/dev/stdin'", key, "write \"-\" for it"),
             ("video = '/dev/fd/0'", key, "write \"-\" for it"),
             ("video = 'file:///etc/passwd'", key, "or the path of a file"),
@@ -129,7 +145,7 @@ fn settings_of_videos_are_rejected_where_they_do_not_apply() {
                 "v4l2 and dshow only",
             ),
             (
-                "video = 'udp://a'\ninput.start_s = 1",
+                "video = 'udp://a:1'\ninput.start_s = 1",
                 &start_s,
                 "files only",
             ),
@@ -144,7 +160,7 @@ fn settings_of_videos_are_rejected_where_they_do_not_apply() {
                 "devices, addresses, pipes, and files with real_time only",
             ),
             (
-                "video = 'udp://a'\ninput.when_behind = 'hurry'",
+                "video = 'udp://a:1'\ninput.when_behind = 'hurry'",
                 &at("when_behind"),
                 "allowed: \"drop\", \"wait\"",
             ),
