@@ -344,7 +344,7 @@ impl<'n> ErrorColumns<'n> {
 }
 
 /// Returns the pose at a position with a rotation; `None` unless the quaternion has length 1.
-fn pose_of(position_m: [f64; 3], [x, y, z, w]: [f64; 4]) -> Option<Pose> {
+pub(crate) fn pose_of(position_m: [f64; 3], [x, y, z, w]: [f64; 4]) -> Option<Pose> {
     let quaternion = Quaternion::new(w, x, y, z);
     if !((quaternion.norm() - 1.0).abs() <= MAX_LENGTH_ERROR) {
         return None;
@@ -354,7 +354,7 @@ fn pose_of(position_m: [f64; 3], [x, y, z, w]: [f64; 4]) -> Option<Pose> {
 }
 
 /// The error of a quaternion that is no rotation.
-fn no_rotation(place: &str, quaternion: [f64; 4]) -> anyhow::Error {
+pub(crate) fn no_rotation(place: &str, quaternion: [f64; 4]) -> anyhow::Error {
     user_error!(
         "{place}: the quaternion {quaternion:?} does not have length 1; allowed: qx, qy, qz, qw of a rotation, with w last"
     )

@@ -32,6 +32,6 @@ pub(crate) const FILES: &[Asset] = web! {
     "text/css; charset=utf-8": "studio.css";
     "text/javascript; charset=utf-8":
         "app.js" "connection.js" "elements.js" "picture.js"
-        "steps/board.js" "steps/camera.js" "steps/colors.js" "steps/pose.js" "steps/sources.js" "steps/targets.js" "steps/track.js" "steps/wave.js";
+        "steps/board.js" "steps/camera.js" "steps/colors.js" "steps/compare.js" "steps/pose.js" "steps/record.js" "steps/replay.js" "steps/sources.js" "steps/targets.js" "steps/track.js" "steps/wave.js";
     "image/svg+xml": "icon.svg";
 };

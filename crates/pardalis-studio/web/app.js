@@ -257,7 +257,9 @@ function show(topic, value, image) {
     app.images.set(key, { image, about: value, at: performance.now() });
     before?.image.close();
     app.step.seen?.(app, topic);
-    for (const [camera, picture] of app.pictures) showLatest(camera, picture);
+    // Drawing takes most of the time of a page: only the picture that the image is of, unless it may be any.
+    const own = app.pictures.get(name);
+    for (const [camera, picture] of own ? [[name, own]] : app.pictures) showLatest(camera, picture);
     if (topic === "marked") renderPanel();
     return;
   }

@@ -39,7 +39,10 @@ export class Live {
       socket.send("more");
     };
     socket.onmessage = ({ data }) => {
-      shown = shown.then(() => (data === "end" ? socket.send("more") : this.#take(data))).catch(console.error);
+      // Images are decoded side by side, and shown in turn.
+      const message = data === "end" ? null : read(data);
+      message?.catch(() => {});
+      shown = shown.then(async () => (message ? this.show(...(await message)) : socket.send("more"))).catch(console.error);
     };
     socket.onclose = () => {
       this.connected(false);
@@ -47,15 +50,16 @@ export class Live {
       this.pause_ms = Math.min(2 * this.pause_ms, 5000);
     };
   }
+}
 
-  async #take(data) {
-    if (typeof data === "string") {
-      const { topic, value } = JSON.parse(data);
-      return this.show(topic, value, null);
-    }
-    const length = new DataView(data).getUint32(0);
-    const { topic, sequence, value } = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
-    const image = await createImageBitmap(new Blob([new Uint8Array(data, 4 + length)], { type: "image/jpeg" }));
-    return this.show(topic, { ...value, sequence }, image);
+/** Returns topic, value and image of a message. */
+async function read(data) {
+  if (typeof data === "string") {
+    const { topic, value } = JSON.parse(data);
+    return [topic, value, null];
   }
+  const length = new DataView(data).getUint32(0);
+  const { topic, sequence, value } = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  const image = await createImageBitmap(new Blob([new Uint8Array(data, 4 + length)], { type: "image/jpeg" }));
+  return [topic, { ...value, sequence }, image];
 }

@@ -51,10 +51,13 @@ export class Picture {
     const height = Math.max(room.height - this.caption.offsetHeight, 1);
     const scale = Math.min(width / image.width, height / image.height);
     const ratio = window.devicePixelRatio || 1;
-    canvas.style.width = `${Math.floor(image.width * scale)}px`;
-    canvas.style.height = `${Math.floor(image.height * scale)}px`;
-    canvas.width = Math.max(1, Math.floor(image.width * scale * ratio));
-    canvas.height = Math.max(1, Math.floor(image.height * scale * ratio));
+    const size = [image.width, image.height].map((side) => Math.max(1, Math.floor(side * scale * ratio)));
+    // A new size makes a new canvas, even if it is the same.
+    if (canvas.width !== size[0] || canvas.height !== size[1]) {
+      canvas.style.width = `${Math.floor(image.width * scale)}px`;
+      canvas.style.height = `${Math.floor(image.height * scale)}px`;
+      [canvas.width, canvas.height] = size;
+    }
     const context = canvas.getContext("2d");
     const zoom = canvas.width / image.width;
     context.setTransform(zoom, 0, 0, zoom, 0, 0);

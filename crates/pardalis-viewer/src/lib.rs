@@ -55,6 +55,7 @@ pub const ASSETS: &[Asset] = &[
     own!("body.js"),
     own!("cameras.js"),
     own!("colors.js"),
+    own!("comparison.js"),
     own!("dom.js"),
     own!("ellipsoid.js"),
     own!("extent.js"),

@@ -5,17 +5,21 @@ import { principalAxes } from "pardalis/ellipsoid.js";
 import { geometryOf, reachOf, topOf } from "pardalis/shapes.js";
 import { Trail } from "pardalis/trail.js";
 
+/** The opacity of solids and ellipsoids, and of those of a second run. */
+const [SOLID, ELLIPSOID] = [[1, 0.45], [0.3, 0.15]];
+
 export class Body {
-  constructor(parent, name, shape, addLabel) {
+  /** `isOther` says that it is of a second run, whose targets have no labels (`addLabel` is null). */
+  constructor(parent, name, shape, addLabel, isOther) {
     this.parent = parent;
     this.name = name;
     this.shape = shape;
-    this.trail = new Trail(parent);
+    this.trail = new Trail(parent, isOther);
     this.reach = reachOf(shape);
     this.top = topOf(shape);
     this.group = new Group();
-    this.solid = new Mesh(geometryOf(shape), new MeshLambertMaterial());
-    this.ellipsoid = new Mesh(new SphereGeometry(1, 24, 14), new MeshBasicMaterial({ transparent: true, opacity: 0.3, depthWrite: false, side: DoubleSide }));
+    this.solid = new Mesh(geometryOf(shape), new MeshLambertMaterial({ transparent: isOther, opacity: SOLID[+isOther] }));
+    this.ellipsoid = new Mesh(new SphereGeometry(1, 24, 14), new MeshBasicMaterial({ transparent: true, opacity: ELLIPSOID[+isOther], depthWrite: false, side: DoubleSide }));
     this.ellipsoid.matrixAutoUpdate = false;
     this.arrow = new Mesh(new ConeGeometry(0.25 * this.reach, 0.8 * this.reach, 20).rotateZ(-Math.PI / 2), new MeshBasicMaterial());
     this.group.add(this.solid, this.arrow);
@@ -24,14 +28,14 @@ export class Body {
     this.drop.frustumCulled = false;
     parent.add(this.group, this.ellipsoid, this.drop);
     this.place = new Vector3(NaN, NaN, NaN);
-    this.removeLabel = addLabel(name, this.place, "pv-target-name");
+    this.removeLabel = addLabel?.(name, this.place, "pv-target-name");
   }
 
-  setTrack(track, by, own) {
+  setTrack(track, by, own, dash_m) {
     this.track = track;
     this.by = by;
     this.own = own;
-    this.trail.set(track, by, own);
+    this.trail.set(track, by, own, dash_m);
   }
 
   /** Shows the target at a time in seconds, and a line down to the floor. */
@@ -43,7 +47,8 @@ export class Body {
     for (const part of [this.group, this.ellipsoid, this.drop]) part.visible = place !== null;
     this.place.set(...(place ?? [NaN, NaN, NaN]));
     if (!place) return;
-    const color = new Color(this.by === "target" ? this.own : theme().states[track.state[row]]);
+    const isOfState = this.by === "state" || this.by === "confidence";
+    const color = new Color(isOfState ? theme().states[track.state[row]] : this.own);
     const [x, y, z] = place;
     const heading = track.heading_rad[row];
     const scale = this.shape?.kind === "sphere" && track.radius_m[row] > 0 ? track.radius_m[row] / this.shape.radius_m : 1;
@@ -79,7 +84,7 @@ export class Body {
   }
 
   dispose() {
-    this.removeLabel();
+    this.removeLabel?.();
     this.trail.dispose();
     for (const part of [this.solid, this.ellipsoid, this.arrow, this.drop]) {
       part.geometry.dispose();

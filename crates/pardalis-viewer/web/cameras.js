@@ -3,27 +3,26 @@ import { BufferAttribute, BufferGeometry, Color, DoubleSide, Group, LineBasicMat
 import { theme } from "pardalis/colors.js";
 import { lastAtOrBefore } from "pardalis/tracks.js";
 
+/** The line of the way of a camera has about this many points at most. */
+const MAX_POINTS = 2000;
+
 /** A camera of the scene; see viewer.js for its keys. */
 export class CameraMark {
   constructor(parent, camera, length, addLabel) {
     this.parent = parent;
-    this.path = camera.path ?? [];
-    this.times = this.path.map(([time_s]) => time_s);
     this.group = new Group();
     this.way = new Group();
     parent.add(this.group, this.way);
     const rays = bordersOf(camera.border_rays ?? [], length);
     const color = new Color(theme().camera);
+    this.color = color;
     this.group.add(lines(frustumLines(rays, length), color, 0.9));
     if (rays.length > 2) this.group.add(fan(rays, color));
     if (camera.footprint_m?.length > 2) {
       const { footprint_m } = camera;
       this.way.add(lines(footprint_m.flatMap((place, at) => [...place, ...footprint_m[(at + 1) % footprint_m.length]]), color, 0.7));
     }
-    if (this.path.length > 1) {
-      const points = this.path.flatMap((pose, at) => (at === 0 ? [] : [...this.path[at - 1].slice(1, 4), ...pose.slice(1, 4)]));
-      this.way.add(lines(points, color, 0.4));
-    }
+    this.setPath(camera.path ?? []);
     this.place = new Vector3(...(camera.footprint_m?.[0] ?? [NaN, NaN, NaN]));
     this.group.visible = false;
     this.removeLabel = addLabel(camera.name, this.place, "pv-camera-name");
@@ -32,6 +31,18 @@ export class CameraMark {
       const matrix = new Matrix4().set(...r[0], 0, ...r[1], 0, ...r[2], 0, 0, 0, 0, 1);
       this.#put(camera.position_m, new Quaternion().setFromRotationMatrix(matrix));
     }
+  }
+
+  /** Takes where a moving camera is, in order of time. */
+  setPath(path) {
+    if (path === this.path) return;
+    this.path = path;
+    this.times = path.map(([time_s]) => time_s);
+    if (this.line) remove(this.way, this.line);
+    const step = Math.ceil(path.length / MAX_POINTS);
+    const places = path.filter((_, at) => at % step === 0 || at === path.length - 1).map((pose) => pose.slice(1, 4));
+    this.line = lines(places.flatMap((place, at) => (at === 0 ? [] : [...places[at - 1], ...place])), this.color, 0.4);
+    this.way.add(this.line);
   }
 
   /** Puts a moving camera where it is at a time in seconds. */
@@ -53,12 +64,15 @@ export class CameraMark {
     this.removeLabel();
     for (const group of [this.group, this.way]) {
       this.parent.remove(group);
-      for (const child of group.children) {
-        child.geometry.dispose();
-        child.material.dispose();
-      }
+      for (const child of [...group.children]) remove(group, child);
     }
   }
+}
+
+function remove(group, child) {
+  group.remove(child);
+  child.geometry.dispose();
+  child.material.dispose();
 }
 
 /** A camera with a view narrower than this, whose rays have at least this z, is drawn with a flat image: as people draw frusta. */

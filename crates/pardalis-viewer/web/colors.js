@@ -6,6 +6,7 @@ const LIGHT_THEME = {
   states: ["#8a8f98", "#0072b2", "#e69f00", "#cc5f98"],
   axes: ["#d55e00", "#009e73", "#0072b2"],
   targets: ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"],
+  runs: ["#0072b2", "#d55e00"],
   grid: "#d4d8de",
   camera: "#5b6470",
   ground: "#f4f6f8",
@@ -15,12 +16,13 @@ const DARK_THEME = {
   states: ["#7d8590", "#56b4e9", "#f0b429", "#e58fc0"],
   axes: ["#ff8a4c", "#2cc295", "#56b4e9"],
   targets: ["#56b4e9", "#ff8a4c", "#2cc295", "#e58fc0", "#9ad1f5", "#f0b429"],
+  runs: ["#56b4e9", "#ff8a4c"],
   grid: "#333a44",
   camera: "#9aa4b2",
   ground: "#14181d",
 };
 
-/** The colours of the present theme: of states by code, of axes, of targets by number. */
+/** The colours of the present theme: of states by code, of axes, of targets by number, of two runs that are compared. */
 export function theme() {
   return DARK.matches ? DARK_THEME : LIGHT_THEME;
 }

@@ -14,7 +14,7 @@ const FAR = 5;
 /** Lines of the floor across its longer side. */
 const LINES = 8;
 
-/** Returns the box of the floor [[x, x], [y, y]] in whole steps of its grid, the step, its height, the box of everything, and centre and radius of a sphere around everything. */
+/** Takes a list of tracks. Returns the box of the floor [[x, x], [y, y]] in whole steps of its grid, the step, its height, the box of everything, and centre and radius of a sphere around everything. */
 export function extentOf(scene, tracks) {
   const places = positionsOf(tracks);
   const axes = [0, 1, 2].map((axis) => {
@@ -59,9 +59,9 @@ export function extentOf(scene, tracks) {
 function positionsOf(tracks) {
   const places = [];
   let rows = 0;
-  for (const track of tracks.all.values()) rows += track.length;
+  for (const track of tracks) rows += track.length;
   const step = Math.max(1, Math.floor(rows / SAMPLES));
-  for (const track of tracks.all.values()) {
+  for (const track of tracks) {
     for (let row = 0; row < track.length; row += step) {
       const place = track.position(row);
       if (place) places.push(place);

@@ -21,11 +21,21 @@ export function length(value, units) {
 
 /** Returns twice a standard deviation given as a variance, such as "12 mm"; empty without one. */
 export function twoSigma(variance, units) {
-  if (!(variance >= 0)) return "";
-  const two = 2 * Math.sqrt(variance);
-  if (units === "px") return `${number(two, 1)} px`;
-  if (two >= 1) return `${number(two, 2)} m`;
-  return `${number(1000 * two, two < 0.01 ? 1 : 0)} mm`;
+  return variance >= 0 ? shortLength(2 * Math.sqrt(variance), units) : "";
+}
+
+/** Returns a length in metres, or millimetres if it is short; a dash if there is none. */
+export function shortLength(value, units) {
+  if (!Number.isFinite(value)) return MISSING;
+  if (units === "px") return `${number(value, 1)} px`;
+  if (Math.abs(value) >= 1) return `${number(value, 2)} m`;
+  return `${number(1000 * value, Math.abs(value) < 0.01 ? 1 : 0)} mm`;
+}
+
+/** Returns a difference as a text with its sign, unless it rounds to zero; `format` gives the text of a number. */
+export function signed(difference, format) {
+  const text = format(difference);
+  return difference > 0 && /[1-9]/.test(text) ? "+" + text : text;
 }
 
 /** Returns a time in seconds. */

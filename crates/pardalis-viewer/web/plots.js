@@ -3,9 +3,13 @@ import uPlot from "uplot";
 import { onThemeChange, theme } from "pardalis/colors.js";
 import { css, element } from "pardalis/dom.js";
 import { lengthDecimals, number, tick } from "pardalis/format.js";
+import { Track } from "pardalis/tracks.js";
 
 const HEIGHT_PX = 132;
 const GUTTER_PX = 58;
+
+/** The dashes of the lines of a second run, in pixels. */
+const DASH = [6, 4];
 
 /** A live track redraws its plots at most this often, in milliseconds. */
 const PAUSE_MS = 150;
@@ -29,32 +33,39 @@ export class Plots {
     this.host = host;
     this.pick = pick;
     this.plots = [];
+    this.tracks = [];
     this.units = "m";
     this.resizes = new ResizeObserver(() => this.#resize());
     this.resizes.observe(host);
-    this.stopThemes = onThemeChange(() => this.setTrack(this.track, this.units));
+    this.stopThemes = onThemeChange(() => this.#rebuild());
   }
 
-  /** Plots another track; none for null. */
-  setTrack(track, units) {
-    this.track = track;
+  /** Plots other tracks: of a target in a run, and in a second one if two are compared; none where there is none. */
+  setTracks(tracks, units) {
+    this.tracks = tracks.some(Boolean) ? tracks.map((track) => track ?? new Track("")) : [];
     this.units = units;
+    this.#rebuild();
+  }
+
+  #rebuild() {
     this.#clear();
-    if (!track) return;
-    for (const kind of kinds(units)) {
-      if (kind.optional && !track.has(kind.column)) continue;
-      this.plots.push(this.#create(kind));
-    }
+    for (const kind of this.#kinds()) this.plots.push(this.#create(kind));
     this.#mark();
+  }
+
+  /** What there is to be plotted. */
+  #kinds() {
+    if (this.tracks.length === 0) return [];
+    return kinds(this.units).filter((kind) => !kind.optional || this.tracks.some((track) => track.has(kind.column)));
   }
 
   /** Plots rows that have been added. */
   refresh() {
     this.waiting ??= setTimeout(() => {
       this.waiting = undefined;
-      const isNew = kinds(this.units).some((kind) => kind.optional && this.track?.has(kind.column) && !this.plots.some((plot) => plot.kind.column === kind.column));
-      if (isNew) this.setTrack(this.track, this.units);
-      else for (const { kind, plot } of this.plots) plot.setData(columnsOf(this.track, kind), !this.isZoomed);
+      const isNew = this.#kinds().some((kind) => !this.plots.some((plot) => plot.kind.column === kind.column));
+      if (isNew) this.#rebuild();
+      else for (const { kind, plot } of this.plots) plot.setData(columnsOf(this.tracks, kind), !this.isZoomed);
       this.#mark();
     }, PAUSE_MS);
   }
@@ -67,15 +78,19 @@ export class Plots {
 
   #create(kind) {
     const color = kind.color < 3 ? theme().axes[kind.color] : css(this.host, "--pv-ink");
-    const band = color + "38";
+    const colors = this.tracks.length > 1 ? theme().runs : [color];
     const value = element("span", { class: "pv-plot-value" });
     const figure = element("figure", { class: "pv-plot" },
       element("figcaption", {}, element("b", { style: `color: ${color}` }, kind.title), kind.unit && ` (${kind.unit})`, value));
     this.host.append(figure);
     const marker = element("div", { class: "pv-marker" });
-    const line = { stroke: color, width: 1.6, points: { show: false }, paths: linePath };
     const edge = { stroke: "transparent", width: 0, points: { show: false }, spanGaps: false };
     const hasBand = kind.variance || kind.sigma;
+    const series = colors.flatMap((stroke, run) => [
+      ...(hasBand ? [{ ...edge }, { ...edge }] : []),
+      { stroke, width: 1.6, dash: run > 0 ? DASH : undefined, points: { show: false }, paths: linePath },
+    ]);
+    const bands = colors.map((stroke, run) => ({ series: [3 * run + 2, 3 * run + 1], fill: stroke + (colors.length > 1 ? "24" : "38") }));
     const axis = { stroke: css(this.host, "--pv-muted"), grid: { stroke: css(this.host, "--pv-line"), width: 1 }, ticks: { show: false }, font: "11px system-ui, sans-serif" };
     const plot = new uPlot({
       width: this.#width(),
@@ -88,14 +103,14 @@ export class Plots {
         { ...axis, size: 24, gap: 3, values: (_, ticks) => ticks.map((at) => tick(at, ticks[1] - ticks[0] || 1) + " s") },
         { ...axis, size: GUTTER_PX, gap: 4, values: (_, ticks) => ticks.map((at) => tick(at, ticks[1] - ticks[0] || 1)) },
       ],
-      series: hasBand ? [{}, { ...edge }, { ...edge }, line] : [{}, line],
-      bands: hasBand ? [{ series: [2, 1], fill: band }] : [],
+      series: [{}, ...series],
+      bands: hasBand ? bands : [],
       hooks: {
         ready: [(made) => this.#listen(made, marker)],
         setScale: [(made, scale) => scale === "x" && this.#followZoom(made)],
         setSize: [() => this.#mark()],
       },
-    }, columnsOf(this.track, kind), figure);
+    }, columnsOf(this.tracks, kind), figure);
     return { kind, plot, figure, marker, value };
   }
 
@@ -115,7 +130,8 @@ export class Plots {
 
   /** All plots show the same time. */
   #followZoom(from) {
-    if (this.isFollowing) return;
+    // Plots that have been replaced report their scale late.
+    if (this.isFollowing || !this.plots.some(({ plot }) => plot === from)) return;
     this.isFollowing = true;
     const { min, max } = from.scales.x;
     const [first, last] = [from.data[0][0], from.data[0].at(-1)];
@@ -128,13 +144,14 @@ export class Plots {
   }
 
   #mark() {
-    const row = this.track && this.time_s !== undefined ? this.track.rowAt(this.time_s) : -1;
+    const rows = this.tracks.map((track) => (this.time_s === undefined ? -1 : track.rowAt(this.time_s)));
     for (const { kind, plot, marker, value } of this.plots) {
       const left = plot.valToPos(this.time_s, "x");
       const isInside = left >= 0 && left <= plot.over.clientWidth;
       marker.style.display = isInside ? "block" : "none";
       if (isInside) marker.style.transform = `translateX(${left.toFixed(1)}px)`;
-      value.textContent = row < 0 ? "" : number(this.track[kind.column][row] * (kind.factor ?? 1), kind.decimals);
+      const values = rows.map((row, run) => (row < 0 ? "" : number(this.tracks[run][kind.column][row] * (kind.factor ?? 1), kind.decimals)));
+      value.textContent = values.some(Boolean) ? values.map((text) => text || number(NaN)).join(" · ") : "";
     }
   }
 
@@ -170,8 +187,13 @@ export class Plots {
   }
 }
 
-/** Returns times and values, and the edges of the band if there is one. Missing values are null, which leaves a gap. */
-export function columnsOf(track, { column, variance, sigma, factor = 1 }) {
+/** Returns times, and of each track the values, after the edges of the band if there is one. Missing values are null, which leaves a gap; at times of others undefined, which leaves none. */
+function columnsOf(tracks, kind) {
+  const tables = tracks.map((track) => columnsOfOne(track, kind));
+  return tables.length > 1 ? uPlot.join(tables) : tables[0];
+}
+
+function columnsOfOne(track, { column, variance, sigma, factor = 1 }) {
   const [times, values, highs, lows] = [[], [], [], []];
   for (let row = 0; row < track.length; row++) {
     const value = track[column][row] * factor;
@@ -193,6 +215,7 @@ function linePath(plot, series, first, last) {
   const stroke = new Path2D();
   let [lastX, lastY] = [NaN, NaN];
   for (let row = first; row <= last; row++) {
+    if (values[row] === undefined) continue;
     if (values[row] === null) {
       lastX = NaN;
       continue;

@@ -15,6 +15,9 @@ const FIELD_OF_VIEW_DEG = 38;
 /** The share of width and height that the scene fills when all of it is in view. */
 const FILLED = 0.86;
 
+/** Dashes of the trails of a second run are this share of the radius of everything. */
+const DASH = 1 / 50;
+
 /** Returns a 3D view in an element; null if the browser has no WebGL. */
 export function createStage(host) {
   const canvas = element("canvas", { class: "pv-canvas", "aria-label": "3D view of the tracks", role: "img" });
@@ -41,7 +44,8 @@ class Stage {
     this.world.add(this.light);
     this.addLabel = (text, position, kind) => this.#addLabel(text, position, kind);
     this.ground = new Ground(this.world, this.addLabel);
-    this.bodies = new Map();
+    /** Those of the run, and of a second one that is compared with it. */
+    this.bodies = [new Map(), new Map()];
     this.cameras = [];
     this.scene = { cameras: [], targets: [] };
     this.view = "perspective";
@@ -59,30 +63,46 @@ class Stage {
     this.fit();
   }
 
-  /** Shows the tracks as they are now. `by` is what the colours of trails mean, `shapeOf` and `colorOf` give shape and colour of a target. */
-  setTracks(tracks, { by, shapeOf, colorOf }) {
-    for (const [name, body] of this.bodies) {
-      if (tracks.all.has(name)) continue;
-      body.dispose();
-      this.bodies.delete(name);
-    }
-    for (const track of tracks.all.values()) {
-      if (!this.bodies.has(track.name)) this.bodies.set(track.name, new Body(this.world, track.name, shapeOf(track.name), this.addLabel));
-      this.bodies.get(track.name).setTrack(track, by, colorOf(track.name));
-    }
-    this.tracks = tracks;
+  /**
+   * Shows the tracks of a run, and of a second one if there are two, as they are now. `by` is what the colours of trails mean, `shapeOf(name)` and
+   * `colorOf(name, run)` give shape and colour of a target.
+   */
+  setTracks(runs, { by, shapeOf, colorOf }) {
+    const all = runs.flatMap((tracks) => [...tracks.all.values()]);
+    const extent = extentOf(this.scene, all);
+    const isOutside = !this.fitted || !contains(this.fitted, extent);
+    if (isOutside) this.extent = extent;
+    this.bodies.forEach((bodies, run) => {
+      const tracks = runs[run]?.all ?? new Map();
+      for (const [name, body] of bodies) {
+        if (tracks.has(name)) continue;
+        body.dispose();
+        bodies.delete(name);
+      }
+      for (const track of tracks.values()) {
+        const { name } = track;
+        if (!bodies.has(name)) bodies.set(name, new Body(this.world, name, shapeOf(name), run > 0 ? null : this.addLabel, run > 0));
+        bodies.get(name).setTrack(track, by, colorOf(name, run), DASH * this.extent.radius);
+      }
+    });
+    this.runs = runs;
     this.style = { by, shapeOf, colorOf };
-    const extent = extentOf(this.scene, tracks);
-    if (!this.fitted || !contains(this.fitted, extent)) {
-      this.extent = extent;
+    if (isOutside) {
       this.#rebuildSurroundings();
       if (!this.isMoved()) this.fit();
     }
   }
 
+  /** Follows the paths of cameras, to which poses have been added. */
+  setPaths() {
+    const shown = this.#shownCameras();
+    if (shown.length !== this.cameras.length) this.#rebuildSurroundings();
+    else this.cameras.forEach((mark, at) => mark.setPath(shown[at].path ?? []));
+  }
+
   setTime(time_s, selected) {
     this.time_s = time_s;
-    for (const body of this.bodies.values()) body.setTime(time_s, this.extent?.floor ?? 0, body.name === selected);
+    for (const body of this.#allBodies()) body.setTime(time_s, this.extent?.floor ?? 0, body.name === selected);
     for (const camera of this.cameras) camera.setTime(time_s);
     this.draw();
   }
@@ -148,14 +168,18 @@ class Stage {
     });
   }
 
+  #allBodies() {
+    return this.bodies.flatMap((bodies) => [...bodies.values()]);
+  }
+
   #rebuild() {
-    for (const body of this.bodies.values()) body.dispose();
-    this.bodies.clear();
+    for (const body of this.#allBodies()) body.dispose();
+    for (const bodies of this.bodies) bodies.clear();
     this.fitted = null;
-    if (this.tracks) {
-      this.setTracks(this.tracks, this.style);
+    if (this.runs) {
+      this.setTracks(this.runs, this.style);
     } else {
-      this.extent = extentOf(this.scene, { all: new Map() });
+      this.extent = extentOf(this.scene, []);
       this.#rebuildSurroundings();
     }
     if (this.time_s !== undefined) this.setTime(this.time_s);
@@ -168,9 +192,12 @@ class Stage {
     this.fitted = this.extent;
     this.ground.set(this.extent, this.scene.units);
     this.cameras.forEach((camera) => camera.dispose());
-    const shown = this.scene.cameras.filter((camera) => camera.position_m || camera.path?.length || camera.footprint_m?.length);
-    this.cameras = shown.map((camera) => new CameraMark(this.world, camera, 0.22 * radius, this.addLabel));
+    this.cameras = this.#shownCameras().map((camera) => new CameraMark(this.world, camera, 0.22 * radius, this.addLabel));
     if (this.time_s !== undefined) for (const camera of this.cameras) camera.setTime(this.time_s);
+  }
+
+  #shownCameras() {
+    return this.scene.cameras.filter((camera) => camera.position_m || camera.path?.length || camera.footprint_m?.length);
   }
 
   #resize() {
@@ -209,7 +236,7 @@ class Stage {
     cancelAnimationFrame(this.pending);
     this.resizes.disconnect();
     this.stopThemes();
-    for (const body of this.bodies.values()) body.dispose();
+    for (const body of this.#allBodies()) body.dispose();
     this.cameras.forEach((camera) => camera.dispose());
     this.ground.dispose();
     this.controls.dispose();

@@ -1,5 +1,6 @@
 // The states of all targets over time, one row each.
 import { onThemeChange, theme } from "pardalis/colors.js";
+import { runSwatch } from "pardalis/comparison.js";
 import { css, element, setPressed } from "pardalis/dom.js";
 import { roundStep, tick } from "pardalis/format.js";
 
@@ -14,22 +15,25 @@ export class Strip {
     this.canvas = element("canvas", { class: "pv-strip-canvas", role: "img", "aria-label": "States over time", onclick: (event) => pick(this.#timeAt(event.offsetX)) });
     this.marker = element("div", { class: "pv-marker" });
     this.area = element("div", { class: "pv-strip-area" }, this.canvas, this.marker);
-    this.rows = element("div", { class: "pv-strip" }, this.names, this.area);
-    host.append(this.rows);
-    this.buttons = new Map();
+    this.host = element("div", { class: "pv-strip" }, this.names, this.area);
+    host.append(this.host);
     this.resizes = new ResizeObserver(() => this.draw());
     this.resizes.observe(this.area);
     this.stopThemes = onThemeChange(() => this.draw());
   }
 
-  setTracks(tracks, selected) {
-    this.tracks = tracks;
-    const names = [...tracks.all.keys()];
-    if (names.length !== this.buttons.size || names.some((name) => !this.buttons.has(name))) {
-      this.buttons = new Map(names.map((name) => [name, element("button", { type: "button", title: name, onclick: () => this.select(name) }, name)]));
-      this.names.replaceChildren(...this.buttons.values());
+  /** Shows the states in a run and, if two are compared, in a second one: a row for each of both. */
+  setTracks(runs, selected) {
+    this.runs = runs;
+    const names = new Set(runs.flatMap((tracks) => [...tracks.all.keys()]));
+    this.rows = [...names].flatMap((name) => runs.map((tracks, run) => ({ name, run, track: tracks.all.get(name) })));
+    const key = JSON.stringify([[...names], runs.length]);
+    if (this.key !== key) {
+      this.key = key;
+      this.names.replaceChildren(...this.rows.map(({ name, run }) =>
+        element("button", { type: "button", title: name, onclick: () => this.select(name) }, runs.length > 1 ? runSwatch(run) : "", name)));
     }
-    for (const [name, button] of this.buttons) setPressed(button, name === selected);
+    [...this.names.children].forEach((button, row) => setPressed(button, this.rows[row].name === selected));
     this.pending ??= requestAnimationFrame(() => {
       this.pending = undefined;
       this.draw();
@@ -44,23 +48,21 @@ export class Strip {
   }
 
   draw() {
-    const { tracks, canvas } = this;
+    const { canvas } = this;
     const width = this.area.clientWidth;
-    if (!tracks || width === 0) return;
-    const count = tracks.all.size;
-    const height = count * ROW_PX + AXIS_PX;
+    if (!this.rows || width === 0) return;
+    const height = this.rows.length * ROW_PX + AXIS_PX;
     const scale = window.devicePixelRatio || 1;
     canvas.width = Math.round(width * scale);
     canvas.height = Math.round(height * scale);
     canvas.style.height = `${height}px`;
     const paint = canvas.getContext("2d");
     paint.scale(scale, scale);
-    const step_s = tracks.step();
     let top = 0;
-    for (const track of tracks.all.values()) {
-      paint.fillStyle = css(this.rows, "--pv-track");
+    for (const { track, run } of this.rows) {
+      paint.fillStyle = css(this.host, "--pv-track");
       paint.fillRect(0, top + 2, width, ROW_PX - 4);
-      for (const { state, from_s, to_s } of runs(track, step_s)) {
+      for (const { state, from_s, to_s } of track ? stretches(track, this.runs[run].step()) : []) {
         paint.fillStyle = theme().states[state];
         const [left, right] = [this.#x(from_s), this.#x(to_s)];
         // Low bars for what is not seen: states differ without colours, too.
@@ -76,7 +78,7 @@ export class Strip {
   #axis(paint, width, top) {
     const [first, last] = this.#span();
     const step = roundStep(last - first, Math.max(2, width / 110));
-    paint.fillStyle = css(this.rows, "--pv-muted");
+    paint.fillStyle = css(this.host, "--pv-muted");
     paint.font = "11px system-ui, sans-serif";
     paint.textBaseline = "top";
     for (let at = Math.ceil(first / step); at * step <= last; at++) {
@@ -88,12 +90,12 @@ export class Strip {
   }
 
   #span() {
-    const { times } = this.tracks;
-    return [times[0] ?? 0, (times.at(-1) ?? 1) + this.tracks.step()];
+    const spans = this.runs.map((tracks) => [tracks.times[0] ?? 0, (tracks.times.at(-1) ?? 1) + tracks.step()]);
+    return [Math.min(...spans.map(([first]) => first)), Math.max(...spans.map(([, last]) => last))];
   }
 
   #x(time_s) {
-    if (!this.tracks) return NaN;
+    if (!this.runs) return NaN;
     const [first, last] = this.#span();
     return ((time_s - first) / (last - first)) * this.area.clientWidth;
   }
@@ -111,7 +113,7 @@ export class Strip {
 }
 
 /** Returns the stretches of rows in one state, without those where there are no rows. */
-export function* runs(track, step_s) {
+function* stretches(track, step_s) {
   let from = 0;
   for (let row = 1; row <= track.length; row++) {
     const isGap = row < track.length && track.time_s[row] - track.time_s[row - 1] > 5 * step_s;

@@ -13,6 +13,8 @@ export class Track {
   constructor(name) {
     this.name = name;
     this.length = 0;
+    /** How far from a time, in seconds, its row may be. */
+    this.near_s = 0;
     this.state = new Uint8Array(0);
     for (const column of NUMBERS) this[column] = new Float64Array(0);
   }
@@ -55,10 +57,12 @@ export class Track {
     }
   }
 
-  /** Returns the index of the row at exactly this time, or −1. */
+  /** Returns the index of the row at this time, the nearest that is not farther than `near_s`, or −1. */
   rowAt(time_s) {
-    const row = this.lastRow(time_s);
-    return row >= 0 && this.time_s[row] === time_s ? row : -1;
+    const before = this.lastRow(time_s);
+    const away_s = (row) => (row >= 0 && row < this.length ? Math.abs(this.time_s[row] - time_s) : Infinity);
+    const row = away_s(before) <= away_s(before + 1) ? before : before + 1;
+    return away_s(row) <= this.near_s ? row : -1;
   }
 
   /** Returns the index of the last row that is not after this time, or −1. */
@@ -117,11 +121,6 @@ export class Tracks {
     }
   }
 
-  /** Returns the index of the last time that is not after this one, or 0. */
-  indexAt(time_s) {
-    return Math.max(0, lastAtOrBefore(this.times, this.times.length, time_s));
-  }
-
   newest() {
     return this.times.at(-1) ?? NaN;
   }
@@ -131,6 +130,30 @@ export class Tracks {
     const { times } = this;
     return times.length < 2 ? 0.04 : (times.at(-1) - times[0]) / (times.length - 1);
   }
+}
+
+/** Rows of another run whose times differ by less than this share of the usual step are those of the same time. */
+const SAME_TIME = 0.75;
+
+/** Returns the tracks of another run, with rows that are found at the nearest times. */
+export function nearbyTracks(rows) {
+  const tracks = new Tracks();
+  tracks.append(rows);
+  for (const track of tracks.all.values()) track.near_s = SAME_TIME * tracks.step();
+  return tracks;
+}
+
+/** Returns the times of two runs, with their frames: those of the first, and those of the second that the first lacks. */
+export function joinedTimes(first, second) {
+  const near_s = SAME_TIME * first.step();
+  const joined = first.times.map((time_s, at) => [time_s, first.frames[at]]);
+  second.times.forEach((time_s, at) => {
+    const before = lastAtOrBefore(first.times, first.times.length, time_s);
+    const isNear = [before, before + 1].some((index) => Math.abs(first.times[index] - time_s) <= near_s);
+    if (!isNear) joined.push([time_s, second.frames[at]]);
+  });
+  joined.sort((a, b) => a[0] - b[0]);
+  return { times: joined.map(([time_s]) => time_s), frames: joined.map(([, frame]) => frame) };
 }
 
 /** Returns the index of the last of `length` ascending values that is not above this one, or −1. */

@@ -7,11 +7,13 @@ import { lastAtOrBefore } from "pardalis/tracks.js";
 const MAX_POINTS = 10000;
 
 export class Trail {
-  constructor(parent) {
+  /** Those of a second run are dashed. */
+  constructor(parent, isDashed) {
     this.parent = parent;
+    this.isDashed = isDashed;
     this.endRows = [];
     this.lines = [0.22, 1].map((opacity) => {
-      const material = new LineMaterial({ linewidth: opacity < 1 ? 1.5 : 3, vertexColors: true, transparent: true, opacity, depthWrite: false });
+      const material = new LineMaterial({ linewidth: opacity < 1 ? 1.5 : 3, vertexColors: true, transparent: true, opacity, depthWrite: false, dashed: isDashed });
       const line = new LineSegments2(new LineSegmentsGeometry(), material);
       line.frustumCulled = false;
       line.visible = false;
@@ -20,8 +22,8 @@ export class Trail {
     });
   }
 
-  /** Draws a track. `by` is what colours mean: "state", "confidence" or "target", whose colour is `own`. */
-  set(track, by, own) {
+  /** Draws a track. `by` is what colours mean: "state", "confidence", or anything else, whose colour is `own`. Dashes are `dash_m` long. */
+  set(track, by, own, dash_m) {
     const { positions, rows } = segmentsOf(track);
     this.endRows = rows.filter((_, end) => end % 2 === 1);
     const color = new Color();
@@ -39,6 +41,11 @@ export class Trail {
       line.geometry = new LineSegmentsGeometry();
       line.visible = rows.length > 0;
       if (rows.length > 0) line.geometry.setPositions(positions).setColors(colors);
+      if (rows.length > 0 && this.isDashed) {
+        line.computeLineDistances();
+        line.material.dashSize = dash_m;
+        line.material.gapSize = dash_m;
+      }
     }
   }
 

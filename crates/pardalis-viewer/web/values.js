@@ -1,7 +1,7 @@
 // The numbers at the present time: of the selected target in full, and a table of all if there are several.
 import { theme } from "pardalis/colors.js";
 import { element } from "pardalis/dom.js";
-import { length, lengthDecimals, number, seconds, twoSigma } from "pardalis/format.js";
+import { length, lengthDecimals, number, seconds, shortLength, twoSigma } from "pardalis/format.js";
 import { STATES } from "pardalis/tracks.js";
 
 export class Values {
@@ -20,14 +20,14 @@ export class Values {
     this.rows = new Map();
   }
 
-  /** Shows the values at a time that rows have, of a frame of this number. */
-  show(tracks, selected, time_s, frame, units) {
-    this.#showFacts(tracks.all.get(selected), time_s, frame, units);
+  /** Shows the values at a time that rows have, of a frame of this number, and the distance to the selected target in a second run if two are compared. */
+  show([tracks, other], selected, time_s, frame, units) {
+    this.#showFacts(tracks.all.get(selected), other?.all.get(selected), time_s, frame, units);
     this.table.hidden = tracks.all.size < 2;
     if (!this.table.hidden) this.#showAll(tracks, selected, time_s, units);
   }
 
-  #showFacts(track, time_s, frame, units) {
+  #showFacts(track, other, time_s, frame, units) {
     const row = track ? track.rowAt(time_s) : -1;
     const at = (column) => (row < 0 ? NaN : track[column][row]);
     const state = row < 0 ? null : track.state[row];
@@ -35,6 +35,7 @@ export class Values {
     const facts = [["time", Number.isFinite(frame) ? `frame ${frame}` : "", seconds(time_s)]];
     if (track) facts.push(["state", dot, state === null ? "not there" : STATES[state]]);
     facts.push(["confidence", "", number(at("confidence"), 3)]);
+    if (other) facts.push(["runs apart", "", shortLength(apart(track, other, time_s), units)]);
     facts.push(["speed", "", unit(number(Math.hypot(at("vx_mps"), at("vy_mps"), at("vz_mps")), 2), `${units}/s`)]);
     if (Number.isFinite(at("heading_rad"))) {
       const degrees = (radians) => number((radians * 180) / Math.PI, 1) + "°";
@@ -82,6 +83,15 @@ export class Values {
     this.body.append(tr);
     return { tr, dot, cells };
   }
+}
+
+/** Returns the distance between a target in two runs at a time; NaN unless both have a position. */
+function apart(track, other, time_s) {
+  const [here, there] = [track, other].map((one) => {
+    const row = one ? one.rowAt(time_s) : -1;
+    return row < 0 ? null : one.position(row);
+  });
+  return here && there ? Math.hypot(...here.map((component, axis) => component - there[axis])) : NaN;
 }
 
 /** A number with its unit, unless there is none. */

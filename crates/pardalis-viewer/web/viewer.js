@@ -4,7 +4,8 @@
  *     const viewer = new Viewer(element);
  *     viewer.setScene(scene);       // any number of times, in any order with the tracks
  *     viewer.setTracks(tracks);     // replaces all rows
- *     viewer.append(rows);          // adds rows of a live run
+ *     viewer.append(rows, poses);   // adds rows of a live run and, if cameras move, where these were
+ *     viewer.setComparison(comparison); // another run over the tracks that are shown; null: none
  *     viewer.setTime(time_s);       // shows the last rows that are not after this time
  *     viewer.dispose();             // removes everything from the element, and all listeners
  *
@@ -45,18 +46,39 @@
  * `tracks` and `rows` map names of targets to columns of the same length, named as in tracks.csv: `time_s`, `frame`, `state` ("searching", "tracking", "occluded",
  * "lost"), `x_m` ... `z_m`, `vx_mps` ... `vz_mps`, `heading_rad`, `xx_m2` ... `zz_m2`, `confidence`, `radius_m`, `sigma_radius_m`, `sigma_heading_rad`. Entries are numbers
  * or null; all columns but `time_s` may be missing.
+ *
+ * `poses` map names of cameras to poses, each as in `path`, later than those before.
+ *
+ * `comparison`, of two finished runs of the same recording:
+ *
+ *     {
+ *       names: ["ball-tracks", "run7"],                // of the run in `tracks`, and of the other
+ *       tracks: { ... },                               // those of the other
+ *       targets: {
+ *         ball: {
+ *           figures: [FIGURES, FIGURES],               // of each run; null if it lacks the target
+ *           distance: { times, median_m, largest_m, largest_at_s }, // between both, at times at which both have a position; or null
+ *         },
+ *       },
+ *       settings: [{ key, values: ["1", "2"] }],       // settings that differ, with their values as texts; null: not set
+ *     }
+ *
+ * with FIGURES `{ rows: { tracking: 12, ... }, mean_confidence, median_sigma_m }`: rows in each state that occurs, and the median of the standard deviation of the
+ * position, the square root of the trace of its covariance.
  */
 import { CONFIDENCE_GRADIENT, onThemeChange, theme } from "pardalis/colors.js";
+import { ComparisonTable, runSwatch } from "pardalis/comparison.js";
 import { element, setPressed } from "pardalis/dom.js";
 import { Pictures } from "pardalis/pictures.js";
 import { Plots } from "pardalis/plots.js";
 import { createStage, VIEWS } from "pardalis/stage.js";
 import { Strip } from "pardalis/strip.js";
 import { Timeline } from "pardalis/timeline.js";
-import { STATES, Tracks } from "pardalis/tracks.js";
+import { STATES, Tracks, joinedTimes, lastAtOrBefore, nearbyTracks } from "pardalis/tracks.js";
 import { Values } from "pardalis/values.js";
 
-const COLORINGS = ["state", "confidence", "target"];
+/** What the colours of trails may mean; "run" if two are compared. */
+const COLORINGS = ["state", "confidence", "target", "run"];
 
 export class Viewer {
   constructor(host) {
@@ -66,7 +88,7 @@ export class Viewer {
     this.#build();
     this.onKey = (event) => this.#key(event);
     document.addEventListener("keydown", this.onKey);
-    this.stopThemes = onThemeChange(() => this.#legend());
+    this.stopThemes = onThemeChange(() => this.#refreshTracks());
     this.#refreshTracks();
   }
 
@@ -74,7 +96,7 @@ export class Viewer {
     this.scene = { title: "", units: "m", ...scene, cameras: scene.cameras ?? [], targets: scene.targets ?? [] };
     this.pictures.setFrames(this.scene.frames ?? []);
     this.stage?.setScene(this.scene);
-    this.plots.setTrack(this.tracks.all.get(this.selected), this.scene.units);
+    this.#plot();
     this.#refreshTracks();
   }
 
@@ -82,27 +104,36 @@ export class Viewer {
     this.tracks = new Tracks();
     this.tracks.append(tracks);
     this.selected = undefined;
-    this.coloring = this.chosenColoring ?? (this.tracks.all.size > 1 ? "target" : "state");
     this.#refreshTracks();
     // The end: the whole trail.
-    this.timeline.setIndex(this.tracks.times.length - 1);
-    this.#showIndex(this.timeline.index);
+    this.#showIndex(this.times.length - 1);
   }
 
-  append(rows) {
-    const follows = this.tracks.times.length === 0 || this.timeline.isAtEnd();
-    const shown_s = this.tracks.times[this.timeline.index];
+  append(rows, poses = {}) {
+    for (const camera of this.scene.cameras) {
+      if (poses[camera.name]?.length > 0) camera.path = [...(camera.path ?? []), ...poses[camera.name]];
+    }
+    const follows = this.times.length === 0 || this.timeline.isAtEnd();
+    const shown_s = this.times[this.timeline.index];
     this.tracks.append(rows);
     this.timeline.setLive();
     this.#refreshTracks();
-    this.timeline.setIndex(follows ? this.tracks.times.length - 1 : this.tracks.indexAt(shown_s));
-    this.#showIndex(this.timeline.index);
+    this.#showIndex(follows ? this.times.length - 1 : this.#indexAt(shown_s));
+  }
+
+  setComparison(comparison) {
+    const shown_s = this.time_s;
+    const isAtEnd = this.timeline.isAtEnd();
+    this.comparison = comparison;
+    this.other = comparison ? nearbyTracks(comparison.tracks) : null;
+    this.#plot();
+    this.#refreshTracks();
+    this.#showIndex(isAtEnd ? this.times.length - 1 : this.#indexAt(shown_s));
   }
 
   setTime(time_s) {
     this.timeline.pause();
-    this.timeline.setIndex(this.tracks.indexAt(time_s));
-    this.#showIndex(this.timeline.index);
+    this.#showIndex(this.#indexAt(time_s));
   }
 
   dispose() {
@@ -119,10 +150,11 @@ export class Viewer {
     const picturesHost = element("div", { class: "pv-pictures" });
     const valuesHost = element("div", { class: "pv-values" });
     const stripHost = element("div", { class: "pv-states" });
+    const comparisonHost = element("section", { class: "pv-comparison", "aria-label": "Two runs" });
     const plotsHost = element("div", { class: "pv-plots" });
     const timelineHost = element("div", { class: "pv-timeline", role: "group", "aria-label": "Time" });
     sideHost.append(picturesHost, valuesHost);
-    this.root = element("div", { class: "pv" }, element("div", { class: "pv-top" }, sceneHost, sideHost), stripHost, plotsHost, timelineHost);
+    this.root = element("div", { class: "pv" }, element("div", { class: "pv-top" }, sceneHost, sideHost), comparisonHost, stripHost, plotsHost, timelineHost);
     this.host.replaceChildren(this.root);
     const pick = (time_s) => this.setTime(time_s);
     const select = (name) => this.#select(name);
@@ -134,6 +166,7 @@ export class Viewer {
     this.pictures = new Pictures(picturesHost);
     this.values = new Values(valuesHost, select);
     this.strip = new Strip(stripHost, pick, select);
+    this.comparisonTable = new ComparisonTable(comparisonHost, pick);
     this.plots = new Plots(plotsHost, pick);
     this.timeline = new Timeline(timelineHost, (index) => this.#showIndex(index));
   }
@@ -153,29 +186,51 @@ export class Viewer {
   }
 
   #setColoring(coloring) {
-    this.coloring = this.chosenColoring = coloring;
+    this.chosenColoring = coloring;
     this.#refreshTracks();
     this.#showIndex(this.timeline.index);
   }
 
   #select(name) {
     this.selected = name;
-    this.plots.setTrack(this.tracks.all.get(name), this.scene.units);
-    this.strip.setTracks(this.tracks, name);
+    this.#plot();
+    this.strip.setTracks(this.#runs(), name);
+    this.comparisonTable.show(this.comparison, name, this.scene.units);
     this.#showIndex(this.timeline.index);
+  }
+
+  /** The tracks of the run, and of another one if two are compared. */
+  #runs() {
+    return this.other ? [this.tracks, this.other] : [this.tracks];
+  }
+
+  #plot() {
+    this.plots.setTracks(this.#runs().map((tracks) => tracks.all.get(this.selected)), this.scene.units);
+  }
+
+  /** Returns what the colours of trails mean. */
+  #coloring() {
+    const chosen = this.chosenColoring === "run" && !this.other ? null : this.chosenColoring;
+    return chosen ?? (this.other ? "run" : this.tracks.all.size > 1 ? "target" : "state");
+  }
+
+  #indexAt(time_s) {
+    return Math.max(0, lastAtOrBefore(this.times, this.times.length, time_s));
   }
 
   /** Shows rows that have come. */
   #refreshTracks() {
-    const { tracks } = this;
-    if (!tracks.all.has(this.selected)) {
-      this.selected = tracks.all.keys().next().value;
-      this.plots.setTrack(tracks.all.get(this.selected), this.scene.units);
+    const runs = this.#runs();
+    Object.assign(this, runs.length > 1 ? joinedTimes(...runs) : { times: this.tracks.times, frames: this.tracks.frames });
+    if (!runs.some((tracks) => tracks.all.has(this.selected))) {
+      this.selected = runs.flatMap((tracks) => [...tracks.all.keys()])[0];
+      this.#plot();
     } else {
       this.plots.refresh();
     }
-    this.timeline.setTimes(tracks.times, tracks.frames);
-    this.strip.setTracks(tracks, this.selected);
+    this.timeline.setTimes(this.times, this.frames);
+    this.strip.setTracks(runs, this.selected);
+    this.comparisonTable.show(this.comparison, this.selected, this.scene.units);
     this.#legend();
     // Rows may come faster than the screen shows them.
     if (this.stage) this.pendingStage ??= requestAnimationFrame(() => this.#refreshStage());
@@ -183,12 +238,15 @@ export class Viewer {
 
   #refreshStage() {
     this.pendingStage = undefined;
-    const names = [...this.tracks.all.keys()];
-    this.stage.setTracks(this.tracks, {
-      by: this.coloring ?? "state",
+    const runs = this.#runs();
+    const names = [...new Set(runs.flatMap((tracks) => [...tracks.all.keys()]))];
+    const by = this.#coloring();
+    this.stage.setTracks(runs, {
+      by,
       shapeOf: (name) => this.#shapeOf(name),
-      colorOf: (name) => theme().targets[names.indexOf(name) % theme().targets.length],
+      colorOf: (name, run) => (by === "run" ? theme().runs[run] : theme().targets[names.indexOf(name) % theme().targets.length]),
     });
+    this.stage.setPaths();
     this.stage.setTime(this.time_s, this.selected);
   }
 
@@ -201,10 +259,10 @@ export class Viewer {
   }
 
   #showIndex(index) {
-    const { tracks } = this;
-    this.time_s = tracks.times[index];
-    const frame = tracks.frames[index];
-    this.values.show(tracks, this.selected, this.time_s, frame, this.scene.units);
+    this.timeline.setIndex(index);
+    this.time_s = this.times[this.timeline.index];
+    const frame = this.frames[this.timeline.index];
+    this.values.show(this.#runs(), this.selected, this.time_s, frame, this.scene.units);
     this.pictures.setTime(this.time_s);
     this.plots.setTime(this.time_s);
     this.strip.setTime(this.time_s);
@@ -212,10 +270,14 @@ export class Viewer {
   }
 
   #legend() {
-    if (this.coloringChoice) this.coloringChoice.value = this.coloring ?? "state";
+    if (this.coloringChoice) {
+      this.coloringChoice.lastChild.hidden = !this.other;
+      this.coloringChoice.value = this.#coloring();
+    }
     const states = STATES.map((state, code) => element("span", {}, element("i", { class: "pv-dot", style: `background: ${theme().states[code]}` }), state));
     const ramp = element("span", {}, "confidence 0", element("i", { class: "pv-ramp", style: `background: ${CONFIDENCE_GRADIENT}` }), "1");
-    this.legendHost.replaceChildren(element("h2", {}, "States"), ...states, ...(this.coloring === "confidence" ? [ramp] : []));
+    const runs = this.comparison ? this.comparison.names.map((name, run) => element("span", {}, runSwatch(run), name)) : [];
+    this.legendHost.replaceChildren(element("h2", {}, "States"), ...states, ...(this.#coloring() === "confidence" ? [ramp] : []), ...runs);
   }
 
   #key(event) {

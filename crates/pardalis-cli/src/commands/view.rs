@@ -8,27 +8,34 @@ use serde_json::Value;
 
 use crate::files::refuse_foreign;
 use crate::output::{Shown, print, warn};
-use crate::report::{self, PageCamera, PageScene};
+use crate::report::{self, CameraPoses, Compared, Comparison, PageCamera, PageScene};
 use crate::scene::problems_in;
 use crate::scene_files::{read_calibration, read_text};
-use crate::tracking::SUMMARY;
+use crate::tracking::{CAMERAS, SUMMARY, is_previous, previous_of};
 use crate::user_error::user_error;
 
 /// Shows finished tracks in 3D, over time and in numbers
 ///
 /// Writes a page and opens it in the browser. The page contains all that it shows, and loads nothing: it can be moved and shared.
 ///
-/// Cameras and shapes are those of the scene that summary.json beside the tracks names, if it can still be read. Annotated frames (`track --annotate`) beside them are
+/// Cameras and shapes are those of the scene that summary.json beside the tracks names, if it can still be read; cameras that move are where cameras.csv has them. Annotated frames (`track --annotate`) beside them are
 /// part of the page as reduced copies, as many as fit into 20 MB.
+///
+/// With a second run of the same recording, such as with another seed, the page shows both over each other, and how far they differ. Rows are matched by their times,
+/// targets by their names.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis view ball-tracks                     the track in this folder
   pardalis view ball-tracks/filtered.csv        before smoothing
+  pardalis view ball-tracks run7                two runs over each other
+  pardalis view ball-tracks/tracks.previous.csv ball-tracks   the earlier run and this one
   pardalis view ball-tracks -o ball.html --no-open")]
 pub(crate) struct Arguments {
     /// tracks.csv, or the folder that holds it
     tracks: PathBuf,
-    /// The page [default: view.html beside the tracks]
+    /// A second run of the same recording, which is compared with the first
+    other: Option<PathBuf>,
+    /// The page [default: view.html beside the tracks, or comparison.html of two runs]
     #[arg(short, long, value_name = "FILE.html")]
     output: Option<PathBuf>,
     /// Only writes the page
@@ -36,33 +43,69 @@ pub(crate) struct Arguments {
     no_open: bool,
 }
 
+/// The rows of a run and what is beside them.
+struct Results {
+    tracks: PathBuf,
+    folder: PathBuf,
+    summary: Option<Value>,
+}
+
+impl Results {
+    /// Finds the results that an argument names.
+    fn of(argument: &Path) -> Result<Self> {
+        let tracks = if argument.is_dir() {
+            argument.join("tracks.csv")
+        } else {
+            argument.to_owned()
+        };
+        if !tracks.exists() || tracks.ends_with(SUMMARY) {
+            return Err(user_error!(
+                "{}: {}; give the folder with the results of `pardalis track`, or a file with rows in it, such as tracks.csv",
+                argument.shown(),
+                if argument.is_dir() {
+                    "there is no tracks.csv in this folder"
+                } else if tracks.exists() {
+                    "has the summary and not the rows"
+                } else {
+                    "there is no such file"
+                }
+            ));
+        }
+        let folder = match tracks.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+            _ => PathBuf::from("."),
+        };
+        let summary = read_summary(&beside(&tracks, &folder, SUMMARY))?;
+        Ok(Self {
+            tracks,
+            folder,
+            summary,
+        })
+    }
+
+    /// Returns a name: that of the folder, with that of the file if it is not the usual one.
+    fn name(&self) -> String {
+        let folder = self.folder.canonicalize();
+        let folder = folder.as_deref().unwrap_or(&self.folder);
+        let name = |path: &Path| Path::new(path.file_name().unwrap_or_default()).shown();
+        if self.tracks.ends_with("tracks.csv") {
+            name(folder)
+        } else {
+            format!("{}/{}", name(folder), name(&self.tracks))
+        }
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let tracks = if arguments.tracks.is_dir() {
-        arguments.tracks.join("tracks.csv")
-    } else {
-        arguments.tracks.clone()
-    };
-    if !tracks.exists() || tracks.ends_with(SUMMARY) {
-        return Err(user_error!(
-            "{}: {}; give the folder with the results of `pardalis track`, or a file with rows in it, such as tracks.csv",
-            arguments.tracks.shown(),
-            if arguments.tracks.is_dir() {
-                "there is no tracks.csv in this folder"
-            } else if tracks.exists() {
-                "has the summary and not the rows"
-            } else {
-                "there is no such file"
-            }
-        ));
-    }
-    let folder = match tracks.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let results = Results::of(&arguments.tracks)?;
+    let other = arguments.other.as_deref().map(Results::of).transpose()?;
     let page = match &arguments.output {
         Some(page) => page.clone(),
-        None => folder.join(report::VIEW),
+        None => results.folder.join(match other {
+            None => report::VIEW,
+            Some(_) => report::COMPARISON,
+        }),
     };
     // The folder may have come from somebody else.
     if arguments.output.is_none() && page.is_symlink() {
@@ -72,25 +115,30 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     refuse_foreign("-o", &page, "page of pardalis view", report::is_page)?;
-    let summary = read_summary(&folder.join(SUMMARY))?;
-    let mut notes = Vec::new();
-    let scene = if let Some(summary) = &summary {
-        scene_of(summary, folder).unwrap_or_else(|problem| {
-            warn(format!("{problem}; the page shows no cameras"));
-            notes.push(format!("Without cameras and shapes: {problem}."));
-            PageScene::of_balls(title_of(summary), &diameters_m(summary))
-        })
-    } else {
-        notes.push(format!(
-            "Without cameras, shapes and settings: there is no {SUMMARY} beside the tracks."
-        ));
-        PageScene::of_balls(report::title(&tracks), &[])
+    let comparison = match (&other, &arguments.other) {
+        (Some(other), Some(given)) => {
+            let mut names = [results.name(), other.name()];
+            if names[0] == names[1] {
+                names = [arguments.tracks.shown(), given.shown()];
+            }
+            Some(compared((&results, other), &names)?)
+        }
+        _ => None,
     };
+    let mut notes = Vec::new();
+    let poses = beside(&results.tracks, &results.folder, CAMERAS);
+    let poses = if poses.exists() {
+        report::read_poses(&poses)?
+    } else {
+        CameraPoses::new()
+    };
+    let scene = page_scene(&results, poses, &mut notes);
     report::write(
         &page,
-        (Some(&tracks), folder),
+        (Some(&results.tracks), &results.folder),
         scene,
-        summary.as_ref(),
+        results.summary.as_ref(),
+        comparison,
         notes,
     )?;
     print(page.shown());
@@ -102,6 +150,41 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+/// Compares two runs, which are called so.
+fn compared((first, second): (&Results, &Results), names: &[String; 2]) -> Result<Comparison> {
+    let [first, second] = [(first, &names[0]), (second, &names[1])].map(|(run, name)| Compared {
+        name,
+        tracks: &run.tracks,
+        summary: run.summary.as_ref(),
+    });
+    report::compare(first, second)
+}
+
+/// Returns the scene of some results, and notes what is missing in it.
+fn page_scene(results: &Results, poses: CameraPoses, notes: &mut Vec<String>) -> PageScene {
+    let Some(summary) = &results.summary else {
+        notes.push(format!(
+            "Without cameras, shapes and settings: there is no {SUMMARY} beside the tracks."
+        ));
+        return PageScene::of_balls(report::title(&results.tracks), &[]);
+    };
+    scene_of(summary, &results.folder, poses).unwrap_or_else(|problem| {
+        warn(format!("{problem}; the page shows no cameras"));
+        notes.push(format!("Without cameras and shapes: {problem}."));
+        PageScene::of_balls(title_of(summary), &report::diameters_m(summary))
+    })
+}
+
+/// Returns a file beside some rows: an earlier run has its own.
+fn beside(tracks: &Path, folder: &Path, name: &str) -> PathBuf {
+    let file = folder.join(name);
+    if is_previous(tracks) {
+        previous_of(&file)
+    } else {
+        file
+    }
 }
 
 /// Reads the summary of a run; `None` if there is none.
@@ -119,7 +202,7 @@ fn read_summary(path: &Path) -> Result<Option<Value>> {
 }
 
 /// Returns the scene that a summary names, if it can still be read. Models that were found in images are those in the summary.
-fn scene_of(summary: &Value, folder: &Path) -> Result<PageScene, String> {
+fn scene_of(summary: &Value, folder: &Path, mut poses: CameraPoses) -> Result<PageScene, String> {
     let named = Path::new(summary["scene"].as_str().unwrap_or_default());
     // Where the run was started is not recorded: most likely here, or in a folder above the results.
     let places = [Path::new("")].into_iter().chain(folder.ancestors());
@@ -152,7 +235,7 @@ fn scene_of(summary: &Value, folder: &Path) -> Result<PageScene, String> {
     }
     let cameras = scene.cameras.iter().map(|camera| PageCamera {
         size_px: size_px(summary, &camera.name),
-        path: Vec::new(),
+        path: poses.remove(&camera.name).unwrap_or_default(),
     });
     let cameras: Vec<_> = cameras.collect();
     Ok(PageScene::new(report::title(&path), &scene, &cameras))
@@ -163,14 +246,6 @@ fn size_px(summary: &Value, camera: &str) -> Option<(usize, usize)> {
     let size_px = &summary["cameras"][camera]["source"]["size_px"];
     let side = |number: usize| usize::try_from(size_px[number].as_u64()?).ok();
     Some((side(0)?, side(1)?))
-}
-
-/// Returns the targets of a summary with their diameters in metres.
-fn diameters_m(summary: &Value) -> Vec<(String, f64)> {
-    let targets = summary["targets"].as_object().into_iter().flatten();
-    let known =
-        targets.filter_map(|(name, target)| Some((name.clone(), target["diameter_m"].as_f64()?)));
-    known.collect()
 }
 
 fn title_of(summary: &Value) -> String {

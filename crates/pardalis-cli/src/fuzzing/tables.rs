@@ -9,7 +9,7 @@ use crate::commands::devices::formats::{best, formats_in};
 use crate::detections;
 use crate::fuzzed_file::{FILE, check_error};
 use crate::platforms;
-use crate::report::json_of_tracks;
+use crate::report::{json_of_tracks, poses_of};
 use crate::tables::{Series, Table, tracks_of, truth_of};
 
 /// Returns what a reader reads from a table, if it accepts it.
@@ -37,6 +37,23 @@ fn check_series<T>(all: &[Series<T>]) {
 
 fn are_finite<const N: usize>(numbers: Option<[f64; N]>) -> bool {
     numbers.iter().flatten().all(|number| number.is_finite())
+}
+
+/// Reads where cameras were.
+pub(super) fn camera_poses(bytes: &[u8]) -> bool {
+    let Some(all) = read(bytes, poses_of) else {
+        return false;
+    };
+    assert!(!all.is_empty());
+    for poses in all.values() {
+        assert!(poses.is_sorted_by(|a, b| a.0 < b.0));
+        for (time_s, pose) in poses {
+            assert!(time_s.is_finite() && are_finite(Some(pose.translation.vector.into())));
+            let error = pose.rotation.matrix() * pose.rotation.matrix().transpose();
+            assert!((error - nalgebra::Matrix3::identity()).norm() < 1e-9);
+        }
+    }
+    true
 }
 
 /// Reads tracks as `evaluate` and, because `view` takes more, as pages do.

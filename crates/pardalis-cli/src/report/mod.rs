@@ -1,6 +1,8 @@
 //! Pages that show tracks in a browser: the data of `pardalis-viewer`, whose `web/viewer.js` describes them.
 
+mod comparison;
 mod frames;
+mod poses;
 mod scene;
 mod secrets;
 mod tracks;
@@ -12,11 +14,20 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::files::write_file;
+#[cfg(feature = "studio")]
+pub(crate) use comparison::settings;
+pub(crate) use comparison::{Compared, Comparison, compare};
+#[cfg(any(test, feature = "fuzz"))]
+pub(crate) use poses::poses_of;
+pub(crate) use poses::{CameraPoses, read_poses};
 pub(crate) use scene::{PageCamera, PageScene};
 
 /// The pages that `track --report` and `view` write among the results.
 pub(crate) const REPORT: &str = "report.html";
 pub(crate) const VIEW: &str = "view.html";
+
+/// The page of two runs that `view` writes among the results of the first.
+pub(crate) const COMPARISON: &str = "comparison.html";
 
 /// What every page begins with.
 const GENERATOR: &str = "<meta name=\"generator\" content=\"pardalis-viewer\">";
@@ -28,12 +39,14 @@ pub(crate) const ANNOTATED: &str = "annotated";
 struct Data<'a> {
     scene: &'a PageScene,
     tracks: tracks::TrackColumns,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    comparison: Option<Comparison>,
     summary: Option<Value>,
     notes: Vec<String>,
 }
 
 /// Writes a page into the file at `path`. It shows the rows in `tracks`, if there are any, and the frames in the folder [`ANNOTATED`] beside them, in which the outlines
-/// are drawn; `notes` are shown with it. Addresses in the summary lose names and passwords.
+/// are drawn, and another run over them; `notes` are shown with it. Addresses in the summary lose names and passwords.
 ///
 /// Errors: the rows are no tracks, or the page cannot be written.
 pub(crate) fn write(
@@ -41,10 +54,16 @@ pub(crate) fn write(
     (tracks, folder): (Option<&Path>, &Path),
     mut scene: PageScene,
     summary: Option<&Value>,
+    comparison: Option<Comparison>,
     mut notes: Vec<String>,
 ) -> Result<()> {
     let read = tracks.map(tracks::read).transpose()?.unwrap_or_default();
     notes.extend(read.note);
+    notes.extend(
+        comparison
+            .as_ref()
+            .and_then(|comparison| comparison.note.clone()),
+    );
     let (frames, note) =
         frames::read(&folder.join(ANNOTATED), &read.times_s, scene.first_camera())?;
     scene.frames = frames;
@@ -55,6 +74,7 @@ pub(crate) fn write(
     let data = Data {
         scene: &scene,
         tracks: read.columns,
+        comparison,
         summary,
         notes,
     };
@@ -76,6 +96,14 @@ pub(crate) fn title(scene_path: &Path) -> String {
     let folder = path.parent().and_then(Path::file_name);
     let name = folder.filter(|_| stem == "scene").unwrap_or(stem);
     name.to_string_lossy().into_owned()
+}
+
+/// Returns the targets of a summary with their diameters in metres.
+pub(crate) fn diameters_m(summary: &Value) -> Vec<(String, f64)> {
+    let targets = summary["targets"].as_object().into_iter().flatten();
+    let known =
+        targets.filter_map(|(name, target)| Some((name.clone(), target["diameter_m"].as_f64()?)));
+    known.collect()
 }
 
 /// Reports whether a file is a page of the viewer, which another may replace.

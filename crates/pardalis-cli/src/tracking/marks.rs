@@ -21,7 +21,7 @@ const MAX_DOTS: usize = 300;
 /// Number of past positions that are drawn as a trail.
 const TRAIL: usize = 50;
 /// Points of a drawn contour.
-pub(super) const CONTOUR_POINTS: usize = 72;
+pub(crate) const CONTOUR_POINTS: usize = 72;
 /// Length of the arrow along the heading, as a multiple of the distance of the front landmark from the target's
 /// position.
 const ARROW_LENGTH: f64 = 4.0;

@@ -2,8 +2,11 @@
 
 pub(crate) mod agreement;
 mod annotate;
+mod camera_rows;
 mod candidate_rows;
 mod crossing_rows;
+#[cfg(feature = "studio")]
+mod earlier;
 mod frame_sets;
 mod latency;
 mod marks;
@@ -16,6 +19,8 @@ mod previous;
 pub(crate) mod radius;
 #[cfg_attr(not(feature = "mcap"), path = "without_recorder.rs")]
 mod recorder;
+#[cfg(feature = "studio")]
+mod recording;
 mod rows;
 mod sender;
 mod series;
@@ -46,15 +51,21 @@ use crate::source::Source;
 use crate::timing::Stopwatch;
 use crate::user_error::user_error;
 use annotate::Annotator;
+use camera_rows::CameraRows;
 use candidate_rows::CandidateRows;
 use crossing_rows::CrossingRows;
+#[cfg(feature = "studio")]
+pub(crate) use earlier::earlier_runs;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
 use latency::{Latencies, Latency};
 pub(crate) use merge::{FrameSet, Limit, Merge};
 use missed::MissedFrames;
 use particle_rows::ParticleRows;
+pub(crate) use previous::{is_previous, previous_of};
 use recorder::Recorder;
+#[cfg(feature = "studio")]
+pub(crate) use recording::{RecordedCamera, Recording};
 use rows::Rows;
 pub(crate) use sender::Destination;
 use sender::Sender;
@@ -64,6 +75,8 @@ pub(crate) use summary::FILE as SUMMARY;
 pub(crate) use tracked::Tracked;
 pub(crate) use watch::Watch;
 use watch::WatchSink;
+#[cfg(feature = "studio")]
+pub(crate) use {marks::CONTOUR_POINTS, watch::written as mark_written};
 
 /// Where results go, and optional outputs.
 #[derive(Debug, Clone)]
@@ -118,6 +131,9 @@ pub(crate) enum Annotate {
 pub(crate) enum Previous {
     /// They are kept under another name.
     Keep,
+    /// They are kept in a numbered folder, with those of runs before it.
+    #[cfg(feature = "studio")]
+    Number,
     /// They are replaced, because they can be computed again.
     Replace,
 }
@@ -274,6 +290,7 @@ pub(crate) fn run_steps(
         remove_old(folder);
     }
     let mut crossing_rows = CrossingRows::create(&options.output, &open.scene)?;
+    let mut camera_rows = CameraRows::create(&options.output, &open.scene)?;
     let mut extras = Extras::create(scene_path, &open, options)?;
     let mut series = SeriesCollector::new(&open.scene);
     let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
@@ -288,6 +305,9 @@ pub(crate) fn run_steps(
     }
     if let Some(crossing_rows) = &mut crossing_rows {
         sinks.needed.push(crossing_rows);
+    }
+    if let Some(camera_rows) = &mut camera_rows {
+        sinks.needed.push(camera_rows);
     }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
     let (sent, extra_files, recorded) = extras.finish(options);
@@ -318,6 +338,7 @@ pub(crate) fn run_steps(
             files.extend(series.draw(folder, &open.scene, &[])?);
         }
         files.extend(crossing_rows.map(|rows| rows.path().to_owned()));
+        files.extend(camera_rows.map(|rows| rows.path().to_owned()));
         files.extend(extra_files);
         if options.report {
             files.push(write_report(folder, scene_path, &open, &series)?);
@@ -356,7 +377,14 @@ fn write_report(
     let (path, rows) = (folder.join(report::REPORT), folder.join(ROWS));
     // A crowd without members has none.
     let rows = previous::has_rows(&rows).then_some(&*rows);
-    report::write(&path, (rows, folder), scene, Some(&summary), Vec::new())?;
+    report::write(
+        &path,
+        (rows, folder),
+        scene,
+        Some(&summary),
+        None,
+        Vec::new(),
+    )?;
     Ok(path)
 }
 
@@ -375,6 +403,10 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
     if let Some(particles) = &options.particles {
         particle_rows::check_path(particles, folder, &RESULTS)?;
     }
+    #[cfg(feature = "studio")]
+    if let (Previous::Number, Some(folder)) = (options.previous, folder) {
+        earlier::number_results(folder)?;
+    }
     if options.previous == Previous::Keep {
         if let Some(folder) = folder {
             previous::keep_results(folder)?;
@@ -387,11 +419,15 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
 }
 
 /// The file of the rows.
-const ROWS: &str = "tracks.csv";
+pub(crate) const ROWS: &str = "tracks.csv";
+
+/// The file of the poses of cameras that move.
+pub(crate) const CAMERAS: &str = CameraRows::FILE;
 
 /// The files of results in a folder, besides pictures and particles.
-const RESULTS: [&str; 8] = [
+const RESULTS: [&str; 10] = [
     ROWS,
+    CAMERAS,
     summary::FILE,
     CandidateRows::FILE,
     CrossingRows::FILE,
@@ -399,6 +435,7 @@ const RESULTS: [&str; 8] = [
     smoothed::EVENTS,
     report::REPORT,
     report::VIEW,
+    report::COMPARISON,
 ];
 
 /// Removes the summary, the pictures, the pages, the candidates, the unsmoothed rows, the events and the particles of an earlier run, which would not be of

@@ -13,6 +13,7 @@ use crate::output::{Shown, note};
 /// Renames the rows of an earlier run in this folder, their summary and their particles, in place of those of the run before it.
 pub(super) fn keep_results(folder: &Path) -> Result<()> {
     let summary = folder.join(summary::FILE);
+    let cameras = folder.join(super::CAMERAS);
     let keeps_rows = keep_rows(&folder.join("tracks.csv"))?;
     let (older, particles): (Vec<_>, Vec<_>) = particle_rows::files_in(folder)
         .into_iter()
@@ -27,9 +28,13 @@ pub(super) fn keep_results(folder: &Path) -> Result<()> {
         keep_rows(&file)?;
     }
     if keeps_rows {
+        let _ = fs::remove_file(previous_of(&cameras));
+        if cameras.is_file() {
+            rename(&cameras)?;
+        }
         // A run that was killed has no summary.
         if !summary.exists() {
-            let _ = fs::remove_file(previous(&summary));
+            let _ = fs::remove_file(previous_of(&summary));
             return Ok(());
         }
         rename(&summary)?;
@@ -47,17 +52,17 @@ pub(super) fn keep_rows(table: &Path) -> Result<bool> {
     note(format_args!(
         "{} of an earlier run is kept as {}",
         table.shown(),
-        previous(table).shown()
+        previous_of(table).shown()
     ));
     Ok(true)
 }
 
 fn rename(path: &Path) -> Result<()> {
-    fs::rename(path, previous(path)).map_err(|error| unwritable(&previous(path), error))
+    fs::rename(path, previous_of(path)).map_err(|error| unwritable(&previous_of(path), error))
 }
 
 /// Returns the name under which a file is kept: `tracks.previous.csv` for `tracks.csv`.
-fn previous(path: &Path) -> PathBuf {
+pub(crate) fn previous_of(path: &Path) -> PathBuf {
     let mut ending = "previous".to_owned();
     if let Some(extension) = path.extension() {
         ending = format!("{ending}.{}", extension.to_string_lossy());
@@ -66,7 +71,7 @@ fn previous(path: &Path) -> PathBuf {
 }
 
 /// Reports whether this is the name under which a file is kept.
-pub(super) fn is_previous(path: &Path) -> bool {
+pub(crate) fn is_previous(path: &Path) -> bool {
     let ends_so = |path: &Path| path.extension().is_some_and(|ending| ending == "previous");
     ends_so(path) || ends_so(&path.with_extension(""))
 }
@@ -127,10 +132,10 @@ mod tests {
         write("tracks.csv", "header\n2\n");
         keep_results(path).unwrap();
         assert_eq!(kept(path), texts(&[("tracks.previous.csv", "header\n2\n")]));
-        assert_eq!(previous(Path::new("a/b")), Path::new("a/b.previous"));
+        assert_eq!(previous_of(Path::new("a/b")), Path::new("a/b.previous"));
         for (name, is_kept) in [("a.csv", false), ("a", false), ("previous.csv", false)] {
             assert_eq!(is_previous(Path::new(name)), is_kept, "{name}");
-            assert!(is_previous(&previous(Path::new(name))), "{name}");
+            assert!(is_previous(&previous_of(Path::new(name))), "{name}");
         }
     }
 }

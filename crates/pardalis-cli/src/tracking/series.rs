@@ -142,7 +142,7 @@ impl SeriesCollector {
     }
 
     /// Returns the poses of a camera in the world, by times in seconds; none if it is at rest.
-    pub(super) fn poses(&self, camera: usize) -> &[(f64, Pose)] {
+    pub(crate) fn poses(&self, camera: usize) -> &[(f64, Pose)] {
         let poses = self.poses[camera].as_ref();
         poses.map_or(&[], |poses| &poses.samples)
     }

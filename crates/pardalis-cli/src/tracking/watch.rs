@@ -10,8 +10,10 @@ use pardalis_scene::Scene;
 use pardalis_studio::{Feed, Lines};
 use serde_json::{Map, Value, json};
 
+use super::camera_rows::{moving, numbers_of};
 use super::marks::Marker;
 use super::pictures::Pictures;
+use super::recording::Recording;
 use super::rows::{HEADER, write_row};
 use super::sender::open_line;
 use super::{Instant, Sink};
@@ -37,6 +39,8 @@ pub(crate) struct Watch {
     /// The estimates for other programs, see [`open_line`].
     lines: Lines,
     rows: Arc<Mutex<RowsSoFar>>,
+    /// Keeps the images.
+    recording: Option<Recording>,
 }
 
 /// The last rows, as in `tracks.csv`.
@@ -45,6 +49,8 @@ struct RowsSoFar {
     rows: VecDeque<String>,
     /// Number of rows before the first that is kept.
     dropped: usize,
+    /// Where cameras were that move, each with the number of the next row, the camera's name, and time and pose as in `web/viewer.js`.
+    poses: VecDeque<(usize, String, [f64; 8])>,
 }
 
 impl Watch {
@@ -54,10 +60,17 @@ impl Watch {
             feed: feed.clone(),
             lines: lines.clone(),
             rows: Arc::default(),
+            recording: None,
         }
     }
 
-    /// Returns the rows from this number on, as columns of each target, and the number of the row after them.
+    /// Also keeps the images.
+    pub(crate) fn recorded(mut self, recording: Option<Recording>) -> Self {
+        self.recording = recording;
+        self
+    }
+
+    /// Returns the rows from this number on, as columns of each target, the number of the row after them, and where cameras were that move.
     pub(crate) fn rows_from(&self, first: usize) -> Value {
         let so_far = self.so_far();
         let skipped = first.saturating_sub(so_far.dropped);
@@ -80,7 +93,13 @@ impl Watch {
                 }
             }
         }
-        json!({ "first": first.max(so_far.dropped), "next": next, "targets": targets })
+        let mut cameras: BTreeMap<&str, Vec<[f64; 8]>> = BTreeMap::new();
+        let skipped = so_far.poses.partition_point(|(row, _, _)| *row < first);
+        let poses = so_far.poses.iter().skip(skipped);
+        for (_, name, pose) in poses.take_while(|(row, _, _)| *row < next) {
+            cameras.entry(name).or_default().push(*pose);
+        }
+        json!({ "first": first.max(so_far.dropped), "next": next, "targets": targets, "cameras": cameras })
     }
 
     /// Shows the scene in the file at `scene_path`, and then its run.
@@ -102,6 +121,7 @@ impl Watch {
             pictures: Pictures::start(&self.feed)?,
             marker: Marker::new(&scene.targets, true, true),
             cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
+            moving: moving(scene),
             shown_s: vec![f64::NEG_INFINITY; scene.cameras.len()],
             told_s: f64::NEG_INFINITY,
             untold: None,
@@ -123,6 +143,8 @@ pub(crate) struct WatchSink {
     marker: Marker,
     /// The names of the cameras.
     cameras: Vec<String>,
+    /// The indices and names of those that move.
+    moving: Vec<(usize, String)>,
     /// When the last image of each camera was shown, in seconds.
     shown_s: Vec<f64>,
     /// When the state was last told, in seconds.
@@ -140,6 +162,9 @@ impl Sink for WatchSink {
         let tracking_ms = 1e3 * instant.tracking_s;
         self.histogram[HISTOGRAM_MS.partition_point(|limit_ms| *limit_ms < tracking_ms)] += 1;
         let row_count = self.add_rows(instant);
+        if let Some(recording) = &self.watch.recording {
+            recording.take(instant);
+        }
         if self.watch.lines.are_read() {
             let line = open_line(instant, &self.marker.targets);
             self.watch.lines.send(line);
@@ -178,6 +203,16 @@ impl WatchSink {
     /// Returns the number of rows since the beginning.
     fn add_rows(&mut self, instant: &Instant) -> usize {
         let mut so_far = self.watch.so_far();
+        let next = so_far.dropped + so_far.rows.len();
+        for (index, name) in &self.moving {
+            let pose = instant.tracker.views()[*index].world_from_camera();
+            let [x, y, z, qx, qy, qz, qw] = numbers_of(pose);
+            let pose = [instant.time_s, x, y, z, qw, qx, qy, qz];
+            so_far.poses.push_back((next, name.clone(), pose));
+        }
+        while so_far.poses.len() > MAX_ROWS {
+            so_far.poses.pop_front();
+        }
         for tracked in instant.tracked {
             self.text.clear();
             let name = tracked.name(&self.marker.targets);
@@ -211,6 +246,7 @@ impl WatchSink {
             "time_s": instant.time_s,
             "age_s": instant.captured_s.map(|captured_s| now_s() - captured_s),
             "rows": row_count,
+            "recording": self.watch.recording.as_ref().map(Recording::about),
             "targets": targets.collect::<Vec<_>>(),
             "tracking_ms": { "limits": HISTOGRAM_MS, "counts": self.histogram },
         })
@@ -233,7 +269,8 @@ impl WatchSink {
     }
 }
 
-fn written(mark: &Mark) -> Value {
+/// Returns a mark for a page: see `drawMarks` of the studio's `picture.js`.
+pub(crate) fn written(mark: &Mark) -> Value {
     let shape = match mark.shape {
         Shape::Dots => "dots",
         Shape::Line => "line",

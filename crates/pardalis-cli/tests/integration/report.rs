@@ -7,7 +7,7 @@ use std::process::Stdio;
 
 use serde_json::{Value, json};
 
-use crate::common::run::{interrupt, wait_for_lines};
+use crate::common::run::{interrupt, rows_in, wait_for_lines};
 use crate::common::{
     BALL_COLORS, FRONT_LANDMARK, PLANE_ROBOT, REAR_LANDMARK, Run, SCENE, Workplace, scene_with,
 };
@@ -166,6 +166,83 @@ fn tracks_of_other_programs_need_only_times_targets_and_positions() {
 }
 
 #[test]
+fn two_runs_are_compared_by_time_and_name() {
+    let place = Workplace::with_frames(4);
+    let other_seed = scene_with("seed = 1", "seed = 2");
+    place.track_with(SCENE, &["-o", "one", "--no-plots"]).fine();
+    place
+        .track_with(&other_seed, &["-o", "one", "--no-plots", "--frames", "3"])
+        .fine();
+    let run = view(&place, &["one/tracks.previous.csv", "one"]).fine();
+    assert_eq!(run.stdout, "one/comparison.html\n");
+    let data = data_in(&place.path("one/comparison.html"));
+    let rows = |name: &str| {
+        let text = fs::read_to_string(place.path(&format!("one/{name}"))).unwrap();
+        rows_in(&text)
+    };
+    let runs = [rows("tracks.previous.csv"), rows("tracks.csv")];
+    let number = |cell: &String| cell.parse::<f64>().unwrap();
+    let shown = &data["comparison"];
+    assert_eq!(shown["names"], json!(["one/tracks.previous.csv", "one"]));
+    assert_eq!(
+        shown["settings"],
+        json!([{ "key": "seed", "values": ["1", "2"] }])
+    );
+    let apart_m = runs[0].iter().zip(&runs[1]).map(|(a, b)| {
+        let squares = (4..7).map(|axis| (number(&a[axis]) - number(&b[axis])).powi(2));
+        (squares.sum::<f64>().sqrt(), number(&a[1]))
+    });
+    let mut apart: Vec<_> = apart_m.collect();
+    apart.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let ball = &shown["targets"]["ball"];
+    let distance = &ball["distance"];
+    assert_eq!(distance["times"], 3);
+    let close = |value: &Value, expected: f64| {
+        let value = value.as_f64().unwrap();
+        assert!((value - expected).abs() < 1e-12, "{value} {expected}");
+    };
+    close(&distance["median_m"], apart[1].0);
+    close(&distance["largest_m"], apart[2].0);
+    assert!(apart[2].0 > 0.0);
+    close(&distance["largest_at_s"], apart[2].1);
+    for (run, rows) in runs.iter().enumerate() {
+        let figures = &ball["figures"][run];
+        assert_eq!(figures["rows"], json!({ "tracking": rows.len() }));
+        let sum: f64 = rows.iter().map(|row| number(&row[18])).sum();
+        close(&figures["mean_confidence"], sum / rows.len() as f64);
+    }
+    assert_eq!(data["tracks"]["ball"]["frame"], json!([0, 1, 2, 3]));
+    assert_eq!(shown["tracks"]["ball"]["frame"], json!([0, 1, 2]));
+    // The settings are those of each run, and a new run leaves no comparison of others.
+    assert_eq!(data["summary"]["seed"], 1);
+    place.track(SCENE).fine();
+    assert!(!place.path("out/comparison.html").exists());
+}
+
+#[test]
+fn runs_with_nothing_in_common_are_refused() {
+    let place = Workplace::with_frames(0);
+    let rows = |target: &str, from: u32| {
+        let row = |frame: u32| format!("{frame},{frame},{target},tracking,1,2,3\n");
+        format!("{HEADER}\n{}{}", row(from), row(from + 1))
+    };
+    place.write("a.csv", rows("ball", 0));
+    place.write("b.csv", rows("robot", 0));
+    place.write("c.csv", rows("ball", 5));
+    let remedy = "give two runs of the same recording, whose targets have the same names";
+    view(&place, &["a.csv", "b.csv"]).refused(&[
+        "a.csv has ball from 0 to 1 s, b.csv has robot from 0 to 1 s",
+        "no target has rows at common times",
+        remedy,
+    ]);
+    view(&place, &["a.csv", "c.csv"]).refused(&["c.csv has ball from 5 to 6 s", remedy]);
+    view(&place, &["a.csv", "nowhere"]).refused(&["nowhere: there is no such file"]);
+    place.write("cut.csv", format!("{HEADER}\n0,0,ball,tracking,1,2\n"));
+    view(&place, &["a.csv", "cut.csv"]).refused(&["cut.csv", "line 2"]);
+    assert!(!place.path("comparison.html").exists());
+}
+
+#[test]
 fn wrong_files_are_refused_with_line_and_remedy() {
     let place = Workplace::with_frames(0);
     let remedy = "give the folder with the results of `pardalis track`";
@@ -268,6 +345,44 @@ fn cameras_that_move_have_their_path() {
         camera["position_m"],
         json!([path[0][1], path[0][2], path[0][3]])
     );
+
+    // The same in the page of the finished track, from the file beside it, and of an earlier run from its own.
+    let close = |shown: &Value, count: usize| {
+        let shown = shown["scene"]["cameras"][0]["path"].as_array().unwrap();
+        assert_eq!(shown.len(), count);
+        for (pose, other) in path.iter().zip(shown) {
+            for (number, other) in pose
+                .as_array()
+                .unwrap()
+                .iter()
+                .zip(other.as_array().unwrap())
+            {
+                assert!((number.as_f64().unwrap() - other.as_f64().unwrap()).abs() < 1e-12);
+            }
+        }
+    };
+    view(&place, &["out"]).fine();
+    close(&data_in(&place.path("out/view.html")), 4);
+    let scene = fs::read_to_string(place.path("scene.toml")).unwrap();
+    place
+        .track_with(&scene, &["-o", "out", "--no-plots", "--frames", "2"])
+        .fine();
+    view(&place, &["out"]).fine();
+    close(&data_in(&place.path("out/view.html")), 2);
+    let earlier = place.path("out/tracks.previous.csv");
+    view(&place, &[earlier.to_str().unwrap()]).fine();
+    close(&data_in(&place.path("out/view.html")), 4);
+
+    let table = fs::read_to_string(place.path("out/cameras.csv")).unwrap();
+    let mut lines: Vec<&str> = table.lines().collect();
+    lines.swap(1, 2);
+    place.write("out/cameras.csv", lines.join("\n"));
+    view(&place, &["out"]).refused(&[
+        "out/cameras.csv, line 3: is at 0 s",
+        "the rows must be in order of time",
+    ]);
+    place.write("out/cameras.csv", table.replace(",-0\n", ",-3\n"));
+    view(&place, &["out"]).refused(&["out/cameras.csv, line 2: the quaternion", "have length 1"]);
 }
 
 #[test]

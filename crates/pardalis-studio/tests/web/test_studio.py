@@ -608,7 +608,7 @@ def test_every_step_can_be_pictured_for_the_guide(studio, tmp_path):
     page = one.page
     truth = truth_of("dioptric-jump")
 
-    def take(step):
+    def take(step, name=None):
         expect(page.locator(f"#step-{step}")).to_have_attribute("aria-current", "step")
         expect(page.locator("figure:not(.waits), #viewer canvas").first).to_be_visible()
         expect(page.locator(".message")).to_have_count(0)
@@ -616,7 +616,7 @@ def test_every_step_can_be_pictured_for_the_guide(studio, tmp_path):
         page.wait_for_timeout(300)
         # Not where this test runs.
         page.evaluate("document.querySelectorAll('.folder span').forEach((path) => (path.textContent = 'hall/'))")
-        picture = folder / f"studio-{step}.jpg"
+        picture = folder / f"studio-{name or step}.jpg"
         page.screenshot(path=picture, type="jpeg", quality=75)
         assert picture.stat().st_size < 120_000, step
 
@@ -645,3 +645,10 @@ def test_every_step_can_be_pictured_for_the_guide(studio, tmp_path):
     page.click("#start")
     expect(page.locator("#report")).to_contain_text("tracked 110 frames")
     take("track")
+    page.click("#settings summary")
+    page.fill("#run-diameter-ball", "20")
+    page.keyboard.press("Tab")
+    expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius_m 0.1 "))
+    page.click("#start")
+    expect(page.locator("#viewer .pv-comparison")).to_contain_text("difference")
+    take("track", "compare")

@@ -3,6 +3,9 @@
 import { ask } from "../connection.js";
 import { button, el, fixed } from "../elements.js";
 import { drawMarks } from "../picture.js";
+import { compareControl, settingsControl } from "./compare.js";
+import { recordControl, recordedText, recordingControl, records } from "./record.js";
+import { canReplay, replayBar, updateReplay } from "./replay.js";
 
 /** How often rows are fetched while the viewer is shown. */
 const FETCH_MS = 200;
@@ -13,6 +16,37 @@ let viewer = null;
 let next = 0;
 let fetching = null;
 
+/** Whether frames of recordings are shown again, in place of the last images of the run. */
+let isReplay = false;
+
+/** The earlier run that the last one is compared with, by its number, and what came of it; whether one is to be chosen at the end of the run. */
+let other = null;
+let comparison = null;
+let choosesLast = false;
+
+async function compareWith(app, number) {
+  const answer = await app.change("compare", { run: number });
+  if (!answer) return app.render();
+  other = number;
+  comparison = number === null ? null : answer;
+  if (comparison) isViewer = true;
+  viewer?.setComparison(comparison);
+  app.render();
+}
+
+/** Begins a run. The one before it will be compared with it. */
+function start(app) {
+  choosesLast = Boolean(app.state.run);
+  return app.change("track", { record: records(app) });
+}
+
+function chooseLast(app) {
+  const last = app.state.run?.earlier?.at(-1);
+  if (!choosesLast || !last) return;
+  choosesLast = false;
+  setTimeout(compareWith, 0, app, last.number);
+}
+
 /** Shows the viewer with the rows so far, and keeps fetching those that come. */
 async function openViewer(app, host) {
   closeViewer();
@@ -21,6 +55,7 @@ async function openViewer(app, host) {
   viewer = new Viewer(host);
   const scene = app.latest.get("scene");
   if (scene) viewer.setScene(scene);
+  if (comparison) viewer.setComparison(comparison);
   next = 0;
   fetching = setTimeout(fetchRows, 0, app, viewer);
 }
@@ -31,7 +66,7 @@ async function fetchRows(app, shown) {
     const rows = await ask("rows", { from: next });
     if (shown !== viewer) return;
     if (rows.next > next || rows.first > next) {
-      viewer.append(rows.targets);
+      viewer.append(rows.targets, rows.cameras);
       // More may be waiting.
       pause_ms = 0;
     }
@@ -88,10 +123,10 @@ export const track = {
   hint: ({ state }) => (state.run?.goes_on || state.watched ? "The white line is the best fit, the dots are hypotheses." : "Everything set? Start, and see whether the outlines stay on the object."),
   picture: (app) => ({ draw: (context, px, about) => about.marks && drawMarks(context, px, about) }),
   imageOf: (app, name) => {
-    const image = app.state.run && app.images.get(`run/${name}`);
+    const image = app.state.run && app.images.get(isReplay ? name : `run/${name}`);
     return image && { ...image, isOfRun: true };
   },
-  pictureKey: () => isViewer,
+  pictureKey: (app) => [isViewer, canReplay(app)],
   hidesPictures: () => isViewer,
   above: (app) => {
     const tab = (is, text, id) => button(text, () => { isViewer = is; app.render(); }, { id, "aria-pressed": String(isViewer === is), disabled: is && !app.state.run });
@@ -99,7 +134,7 @@ export const track = {
   },
   below: (app) => {
     closeViewer();
-    if (!isViewer) return null;
+    if (!isViewer) return canReplay(app) ? replayBar(app, () => (isReplay = true)) : null;
     const host = el("div", { id: "viewer" });
     // Once it is part of the page.
     setTimeout(openViewer, 0, app, host);
@@ -108,8 +143,13 @@ export const track = {
   leave: closeViewer,
   told: (app, topic, value) => {
     if (topic === "track") updateNow(app);
-    if (topic === "scene" && viewer) {
-      // Another run.
+    if (topic.startsWith("source/") && isReplay && canReplay(app)) updateReplay(app);
+    if (topic !== "scene") return;
+    // Another run.
+    isReplay = false;
+    other = comparison = null;
+    if (viewer) {
+      viewer.setComparison(null);
       viewer.setTracks({});
       viewer.setScene(value);
       next = 0;
@@ -119,15 +159,18 @@ export const track = {
   render(app) {
     const { run, watched } = app.state;
     const goes = run?.goes_on;
+    chooseLast(app);
     return [
       !watched && el(
         "p",
         { class: "row" },
         goes
           ? button("Stop", () => app.change("stop"), { id: "stop", class: "primary" })
-          : button(run ? "Track again" : "Track", () => app.change("track"), { id: "start", class: "primary" }),
+          : button(run ? "Track again" : "Track", () => start(app), { id: "start", class: "primary" }),
         !app.state.is_saved && button("Save the scene", () => app.change("save").then((answer) => answer && app.say("Saved.")), { id: "save-here" }),
       ),
+      !watched && !goes && recordControl(app),
+      !watched && run && !goes && [recordingControl(app), compareControl(app, other, (number) => compareWith(app, number)), settingsControl(app)],
       el("div", { id: "now" }, nowOf(app)),
       run?.error && el("p", { class: "bad", id: "run-error" }, run.error),
       run?.report && el("details", { open: true }, el("summary", {}, "Report"), el("pre", { id: "report" }, run.report)),
@@ -139,7 +182,8 @@ function nowOf(app) {
   const now = app.latest.get("track");
   if (!app.state.run || !now) return [];
   const age = now.age_s === null ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
-  return [el("p", { class: "time" }, `Frame ${now.frame + 1}, ${fixed(now.time_s, 2)} s${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
+  const recorded = app.state.run.goes_on && now.recording ? recordedText(now.recording) : [];
+  return [...recorded, el("p", { class: "time" }, `Frame ${now.frame + 1}, ${fixed(now.time_s, 2)} s${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
 }
 
 function updateNow(app) {

@@ -245,6 +245,107 @@ def test_hostile_names_stay_names(view, open_page):
     assert page.title() != "owned"
 
 
+@pytest.fixture
+def compare(pardalis, tmp_path):
+    """Returns the page of two runs, each rows of text."""
+
+    def make(first, second):
+        for name, rows in (("first", first), ("second <b>", second)):
+            (tmp_path / name).mkdir()
+            (tmp_path / name / "tracks.csv").write_text("\n".join([HEADER, *rows]) + "\n")
+        pardalis("view", tmp_path / "first", tmp_path / "second <b>", "--no-open")
+        return (tmp_path / "first/comparison.html").as_uri()
+
+    return make
+
+
+def cells(page, row):
+    return page.locator(".pv-comparison tbody tr").nth(row).locator("td").all_inner_texts()
+
+
+def test_two_runs_lie_over_each_other(compare, open_page):
+    # The second begins later, goes on for longer, and loses the ball for a while.
+    first = [row(frame, "ball", (0.01 * frame, 1, 0.5)) for frame in range(100)]
+    second = [row(frame, "ball", None if 40 <= frame < 60 else (0.01 * frame, 1 + 0.001 * frame, 0.5), variance=4e-4) for frame in range(10, 120)]
+    page = open_page(compare(first, second), width=900)
+    settle(page)
+    assert page.evaluate("document.documentElement.scrollWidth") == 900
+    assert page.locator("h1").inner_text() == "first and second <b>"
+    assert cells(page, 0) == ["100", "0", "0", "0", "0.900", "17 mm"]
+    assert cells(page, 1) == ["90", "0", "20", "0", "0.900", "35 mm"]
+    assert cells(page, 2) == ["−10", "0", "+20", "0", "0.000", "+17 mm"]
+    distance = page.locator(".pv-distance").inner_text()
+    assert "largest 99 mm at 3.960 s" in distance and "of 70 times" in distance
+    # Both are named where their lines are explained.
+    assert [text.strip() for text in page.locator(".pv-legend span").all_inner_texts()[-2:]] == ["first", "second <b>"]
+    # One slider for both: the times of the first, and those that it lacks.
+    assert page.locator(".pv-slider").get_attribute("max") == "119"
+    page.locator(".pv-distance button").click()
+    assert page.locator(".pv-time").inner_text() == "3.960 s"
+    apart = page.locator('[data-value="runs apart"] dd').last
+    assert apart.inner_text() == "99 mm"
+    y = page.locator(".pv-plot", has=page.get_by_text("y", exact=True)).locator(".pv-plot-value")
+    assert y.inner_text() == "1.000 · 1.099"
+    set_slider(page, 50)
+    assert apart.inner_text() == "–"
+    assert y.inner_text() == "1.000 · –"
+    # Each run in its colour; the line of the second has gaps between its dashes, and none where it is lost.
+    set_slider(page, 119)
+    settle(page)
+    plot = picture(page.locator(".pv-plot", has=page.get_by_text("y", exact=True)).locator(".u-over"))
+
+    def columns(is_color):
+        return [any(is_color(*plot.getpixel((x, y))) for y in range(plot.height)) for x in range(plot.width - 4)]
+
+    blue = columns(lambda red, green, blue: blue > 120 and red < 90)
+    orange = columns(lambda red, green, blue: red > 170 and blue < 90)
+    left, right = int(0.36 * plot.width), int(0.48 * plot.width)
+    assert all(blue[left:right]) and not any(orange[left:right])
+    dashed = orange[int(0.6 * plot.width) : int(0.95 * plot.width)]
+    assert 0.4 < sum(dashed) / len(dashed) < 0.9
+    colors = picture(page.locator(".pv-canvas")).getcolors(1 << 20)
+    for is_color in (lambda red, green, blue: blue > 120 and blue > 1.8 * red, lambda red, green, blue: red > 150 and red > 1.8 * blue):
+        assert sum(count for count, color in colors if is_color(*color)) > 100
+    # Both states, one below the other.
+    assert page.locator(".pv-strip-names button").all_inner_texts() == ["ball", "ball"]
+
+
+def test_times_of_another_clock_are_matched_to_the_nearest(compare, open_page):
+    def shifted(frame):
+        return row(frame, "ball", (0.01 * frame, 1, 0.5)).replace(f",{frame / 25},", f",{frame / 25 + 0.013},")
+
+    page = open_page(compare([row(frame, "ball", (0.01 * frame, 1, 0.5)) for frame in range(50)], [shifted(frame) for frame in range(50)]))
+    assert page.locator(".pv-slider").get_attribute("max") == "49"
+    x = page.locator(".pv-plot", has=page.get_by_text("x", exact=True)).locator(".pv-plot-value")
+    assert x.inner_text() == "0.490 · 0.490"
+    # As far apart as it moves in 13 ms.
+    assert "median 3.2 mm" in page.locator(".pv-distance").inner_text()
+
+
+def test_a_comparison_can_be_taken_away(compare, open_page):
+    page = open_page(compare([row(frame, "ball", (frame, 1, 0)) for frame in range(9)], [row(frame, "ball", (frame, 2, 0)) for frame in range(9)]))
+    page.evaluate(
+        """async () => {
+            const { Viewer } = await import("pardalis/viewer.js");
+            const { tracks, comparison } = JSON.parse(document.getElementById("data").textContent);
+            document.body.innerHTML = "<div id=live></div>";
+            window.live = new Viewer(document.getElementById("live"));
+            live.setTracks(tracks);
+            live.setComparison(comparison);
+        }"""
+    )
+    settle(page)
+    assert page.locator(".pv-comparison").is_visible()
+    assert page.evaluate("live.stage.bodies[1].get('ball').trail.lines[0].geometry.attributes.instanceStart.count") == 8
+    page.evaluate("live.setTime(0.1)")
+    page.evaluate("live.setComparison(null)")
+    settle(page)
+    assert page.locator(".pv-comparison").is_hidden()
+    assert page.locator(".pv-strip-names button").count() == 1
+    assert page.locator(".pv-time").inner_text() == "0.080 s"
+    assert page.evaluate("live.stage.bodies[1].size") == 0
+
+
 LIVE = """async () => {
     const { Viewer } = await import("pardalis/viewer.js");
     document.body.innerHTML = "<div id=live></div>";
@@ -252,6 +353,57 @@ LIVE = """async () => {
     window.rows = (from, count) => ({ ball: { time_s: Array.from({ length: count }, (_, i) => (from + i) / 10), frame: Array.from({ length: count }, (_, i) => from + i),
         state: Array(count).fill("tracking"), x_m: Array.from({ length: count }, (_, i) => from + i), y_m: Array(count).fill(0), z_m: Array(count).fill(null) } });
 }"""
+
+
+def test_cameras_that_move_are_where_they_were_also_live(pardalis, tmp_path, open_page):
+    pardalis("track", REPOSITORY / "data/dioptric-moving-robot/scene.toml", "-o", tmp_path, "--frames", 40, "--no-plots")
+    pardalis("view", tmp_path, "--no-open")
+    page = open_page((tmp_path / "view.html").as_uri())
+    page.evaluate(
+        """async () => {
+            const { Viewer } = await import("pardalis/viewer.js");
+            window.data = JSON.parse(document.getElementById("data").textContent);
+            document.body.innerHTML = "<div id=live></div>";
+            window.live = new Viewer(document.getElementById("live"));
+            window.camera = () => [live.stage.cameras[0].group.position.toArray(), live.stage.cameras[0].group.quaternion.toArray()].flat();
+            live.setScene(data.scene);
+            live.setTracks(data.tracks);
+        }"""
+    )
+    settle(page)
+    with open(tmp_path / "cameras.csv") as file:
+        poses = [[float(row[name]) for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")] for row in csv.DictReader(file)]
+    assert math.dist(poses[39][:3], poses[0][:3]) > 0.1
+    for index in (39, 0, 20):
+        page.evaluate(f"live.setTime({index / 25})")
+        assert page.evaluate("camera()") == pytest.approx(poses[index], abs=1e-9)
+    label = page.locator(".pv-camera-name")
+    settle(page)
+    before = label.bounding_box()
+    page.evaluate("live.setTime(1.56)")
+    settle(page)
+    assert abs(label.bounding_box()["x"] - before["x"]) > 3
+    # Live: rows and poses come bit by bit, into a scene that knows no pose yet.
+    page.evaluate(
+        """() => {
+            const cameras = data.scene.cameras.map(({ name, border_rays }) => ({ name, border_rays }));
+            const { path } = data.scene.cameras[0];
+            const part = (from, to) => Object.fromEntries(Object.entries(data.tracks.ball).map(([column, values]) => [column, values.slice(from, to)]));
+            live.setTracks({});
+            live.setScene({ ...data.scene, cameras });
+            window.come = (from, to) => live.append({ ball: part(from, to) }, { cam1: path.slice(from, to) });
+        }"""
+    )
+    settle(page)
+    assert label.count() == 0
+    for begin, end in ((0, 10), (10, 40)):
+        page.evaluate(f"come({begin}, {end})")
+        settle(page)
+        assert label.is_visible()
+        assert page.evaluate("camera()") == pytest.approx(poses[end - 1], abs=1e-9)
+        assert page.evaluate("live.stage.cameras[0].line.geometry.attributes.position.count") == 2 * (end - 1)
+    page.evaluate("live.setTime(0.2)")
+    assert page.evaluate("camera()") == pytest.approx(poses[5], abs=1e-9)
 
 
 def test_live_rows_are_followed_until_the_user_goes_back(report, open_page):

@@ -9,9 +9,10 @@ use serde_json::{Value, json};
 use super::board::{BoardOf, ModelOf};
 use super::pose::{KnownPoints, OfCamera, OnFloor};
 use super::rig::{RigOf, RigStop};
+use super::runs::{OtherRun, Tracked};
 use super::session::Session;
 use super::steps::{Calibrated, Guessed, Label};
-use super::targets::{NewTarget, Shaped};
+use super::targets::{NewTarget, SetNumber, Shaped};
 use crate::commands::devices;
 use crate::user_error::user_error;
 
@@ -142,14 +143,17 @@ impl Session {
                 let marked: Marked = read(value)?;
                 return self.show_marked(&marked.target, &marked.camera);
             }
-            "track" => {
+            "track" => self.track(&read::<Tracked>(value)?)?,
+            "use_recording" => {
                 read::<Nothing>(value)?;
-                self.track()?;
+                self.use_recording()?;
             }
             "stop" => {
                 read::<Nothing>(value)?;
                 self.stop();
             }
+            "set_number" => self.set_number(&read::<SetNumber>(value)?)?,
+            "compare" => return self.compare(&read::<OtherRun>(value)?),
             "rows" => return Ok(self.rows(read::<Rows>(value)?.from)),
             "undo" => {
                 read::<Nothing>(value)?;

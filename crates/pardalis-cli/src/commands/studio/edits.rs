@@ -71,6 +71,37 @@ pub(super) fn with_value(text: &str, path: &[&str], value: impl Into<Value>) -> 
     Ok(with_guesses(&document.to_string()))
 }
 
+/// The keys of a camera's table that describe its input.
+const INPUT_KEYS: [&str; 10] = [
+    "images",
+    "video",
+    "mcap",
+    "topic",
+    "fps",
+    "input",
+    "yuv",
+    "first_frame",
+    "frame_step",
+    "frame_limit",
+];
+
+/// Returns the text with a folder of images, whose times are in it, in place of the input of a camera.
+pub(super) fn with_images(text: &str, camera: &str, folder: &str) -> Result<String> {
+    let mut document = parsed(text)?;
+    let table = document
+        .get_mut("cameras")
+        .and_then(|cameras| cameras.get_mut(camera)?.as_table_like_mut())
+        .ok_or_else(|| user_error!("cameras.{camera}: is not in the scene any more"))?;
+    for key in INPUT_KEYS {
+        table.remove(key);
+    }
+    with_value(
+        &document.to_string(),
+        &["cameras", camera, "images"],
+        folder,
+    )
+}
+
 /// Returns the text with these sizes of a target's shape. Other keys of the shape stay, unless its kind changes.
 pub(super) fn with_shape(
     text: &str,
@@ -275,6 +306,29 @@ colors = \"ball.colors.toml\"  # orange
         assert!(
             kept.contains("f_px = [700.0, 700.0]") && !kept.contains("500"),
             "{kept}"
+        );
+    }
+
+    #[test]
+    fn a_recording_takes_the_place_of_whatever_a_camera_was() {
+        let live = "[cameras.left] # over the door\nvideo = \"rtsp://host/1\"  # the stream\nsize_px = [640, 480]\ninput.reopen_s = 5\nfps = 30\n\n\
+                    [cameras.left.yuv]\nmatrix = \"bt709\"\n\n[targets.ball]\ncolors = \"a.toml\"\n";
+        let text = with_images(live, "left", "scene-recording/1/left").unwrap();
+        let read: toml::Table = text.parse().unwrap();
+        let expected: toml::Table = "size_px = [640, 480]\nimages = \"scene-recording/1/left\""
+            .parse()
+            .unwrap();
+        assert_eq!(
+            read["cameras"]["left"].as_table(),
+            Some(&expected),
+            "{text}"
+        );
+        assert_eq!(read["targets"]["ball"]["colors"].as_str(), Some("a.toml"));
+        assert!(text.contains("# over the door"), "{text}");
+        let error = with_images(live, "right", "a").unwrap_err().to_string();
+        assert!(
+            error.contains("cameras.right: is not in the scene"),
+            "{error}"
         );
     }
 

@@ -7,6 +7,8 @@ mod board;
 #[cfg(feature = "studio")]
 mod collected;
 #[cfg(feature = "studio")]
+mod earlier;
+#[cfg(feature = "studio")]
 mod edits;
 #[cfg(feature = "studio")]
 mod places;
@@ -18,6 +20,8 @@ mod pose;
 mod program;
 #[cfg(feature = "studio")]
 mod project;
+#[cfg(feature = "studio")]
+mod replay;
 #[cfg(feature = "studio")]
 mod rig;
 #[cfg(feature = "studio")]

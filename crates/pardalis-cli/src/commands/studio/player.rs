@@ -10,6 +10,7 @@ use pardalis::Frame;
 use pardalis_studio::Feed;
 use serde_json::{Value, json};
 
+use super::replay::Replayed;
 use crate::draw::picture::{jpeg_of, picture_of};
 use crate::interrupt::Stop;
 use crate::source::{Delivery, Source, SourceConfig};
@@ -46,6 +47,8 @@ pub(super) struct Player {
 struct Shared {
     camera: String,
     feed: Feed,
+    /// What is drawn over recorded frames.
+    replayed: Replayed,
     stop: Stop,
     orders: Mutex<Orders>,
     ordered: Condvar,
@@ -81,12 +84,13 @@ impl Player {
         camera: &str,
         config: SourceConfig,
         open: Option<Source>,
-        feed: &Feed,
+        (feed, replayed): (&Feed, &Replayed),
     ) -> Result<Self> {
         let is_live = config.is_live();
         let shared = Arc::new(Shared {
             camera: camera.to_owned(),
             feed: feed.clone(),
+            replayed: replayed.clone(),
             stop: Stop::default(),
             orders: Mutex::new(Orders {
                 is_playing: is_live,
@@ -314,7 +318,12 @@ impl Shared {
         let mut opened: Option<(Source, usize)> = None;
         let mut statistics = Statistics::default();
         let mut last_s = None;
-        while let Some((is_playing, ordered)) = self.next_order() {
+        let mut told_playing = false;
+        while let Some((is_playing, ordered)) = self.next_order(told_playing) {
+            if !is_playing && ordered.is_none() {
+                told_playing = self.tell(&statistics, None);
+                continue;
+            }
             if let Some(number) = ordered {
                 let mut config = config.clone();
                 config.frames.first += number * config.frames.step;
@@ -343,20 +352,20 @@ impl Shared {
                 Some(Err(error)) => return Err(error),
                 None => self.orders().is_playing = false,
             }
-            self.tell(&statistics, None);
+            told_playing = self.tell(&statistics, None);
         }
         Ok(())
     }
 
-    /// Waits until there is something to show; `None` if it is stopped.
-    fn next_order(&self) -> Option<(bool, Option<usize>)> {
+    /// Waits until there is something to show, or to tell if it was told that frames are played; `None` if it is stopped.
+    fn next_order(&self, told_playing: bool) -> Option<(bool, Option<usize>)> {
         let mut orders = self.orders();
         loop {
             if self.stop.is_requested() {
                 return None;
             }
             let frame = orders.frame.take();
-            if frame.is_some() || orders.is_playing {
+            if frame.is_some() || orders.is_playing || told_playing {
                 return Some((orders.is_playing, frame));
             }
             // An interrupt wakes nobody.
@@ -380,7 +389,8 @@ impl Shared {
     }
 
     fn show(&self, number: usize, frame: Frame) -> Result<()> {
-        let about = json!({ "index": number, "time_s": frame.time_s() });
+        let marks = self.replayed.marks(&self.camera, frame.time_s());
+        let about = json!({ "index": number, "time_s": frame.time_s(), "marks": marks });
         let jpeg = jpeg_of(&picture_of(&frame))?;
         self.seen().shown = Some((number, frame));
         let topic = format!("image/{}", self.camera);
@@ -388,13 +398,14 @@ impl Shared {
         Ok(())
     }
 
-    /// Tells how the frames come, and for how many seconds none has come if a camera is silent.
-    fn tell(&self, statistics: &Statistics, silent_s: Option<f64>) {
+    /// Tells how the frames come, and for how many seconds none has come if a camera is silent. Returns whether it told that they are played.
+    fn tell(&self, statistics: &Statistics, silent_s: Option<f64>) -> bool {
+        let is_playing = self.orders().is_playing;
         let seen = self.seen();
         let value = json!({
             "frame": seen.shown.as_ref().map(|(number, _)| number),
             "frame_count": seen.frame_count,
-            "is_playing": self.orders().is_playing,
+            "is_playing": is_playing,
             "rate_hz": statistics.interval_s.map(f64::recip),
             "delay_ms": 1e3 * statistics.delay_s,
             "frames": statistics.frames,
@@ -405,6 +416,7 @@ impl Shared {
         });
         drop(seen);
         self.feed.show(&format!("source/{}", self.camera), &value);
+        is_playing
     }
 }
 

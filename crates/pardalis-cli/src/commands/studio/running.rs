@@ -8,18 +8,22 @@ use anyhow::{Context as _, Result};
 use pardalis_scene::Scene;
 use serde_json::{Value, json};
 
+use super::earlier;
+use super::replay::Replay;
 use crate::arguments::Threads;
 use crate::commands::run_report;
 use crate::interrupt::Stop;
 use crate::output::Shown as _;
-use crate::tracking::{self, Annotate, Limit, Options, Output, Previous, Run, Watch};
+use crate::tracking::{
+    self, Annotate, Limit, Options, Output, Previous, ROWS, Recording, Run, Watch,
+};
 
 /// A run, or what came of it.
 pub(super) struct Running {
     pub(super) watch: Watch,
     pub(super) stop: Stop,
-    /// The folder of its results.
     folder: PathBuf,
+    recording: Option<Recording>,
     outcome: Arc<Mutex<Option<Outcome>>>,
     pub(super) thread: Option<JoinHandle<()>>,
 }
@@ -27,10 +31,21 @@ pub(super) struct Running {
 /// What came of a run.
 #[derive(Debug, Clone)]
 enum Outcome {
-    /// The results, in words, and the radii that the cameras estimated.
-    Done(String, Value),
+    Done(Done),
     /// Why it failed.
     Failed(String),
+}
+
+/// A run that has results.
+#[derive(Debug, Clone, Default)]
+struct Done {
+    /// The results in words.
+    text: String,
+    /// The radii that the cameras estimated.
+    radii: Value,
+    /// The earlier runs.
+    earlier: Value,
+    replay: Option<Arc<Replay>>,
 }
 
 impl Running {
@@ -38,6 +53,7 @@ impl Running {
         path: &Path,
         scene: Scene,
         watch: Watch,
+        recording: Option<Recording>,
         ended: impl FnOnce() + Send + 'static,
     ) -> Result<Self> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -57,30 +73,40 @@ impl Running {
             plots: true,
             report: false,
             progress: false,
-            previous: Previous::Keep,
+            previous: Previous::Number,
             limit: Limit::default(),
             stop: stop.clone(),
-            watch: Some(watch.clone()),
+            watch: Some(watch.clone().recorded(recording.clone())),
         };
         let (path, stopped) = (path.to_owned(), stop.clone());
-        let result = Arc::clone(&outcome);
+        let recorded = recording.clone();
+        let (result, results) = (Arc::clone(&outcome), folder.clone());
         let thread = std::thread::Builder::new()
             .name("run".to_owned())
             .spawn(move || {
                 let run = tracking::run_scene(&path, scene, &options);
+                recorded.iter().for_each(Recording::finish);
                 let outcome = match run {
-                    Ok(run) => Outcome::Done(
-                        format!(
+                    Ok(run) => {
+                        let text = format!(
                             "{}\n{}",
                             run_report::warnings(&run),
                             run_report::summary(&run)
-                        ),
-                        radii_of(&run),
-                    ),
-                    // It has results nevertheless.
-                    Err(error) if stopped.is_requested() => {
-                        Outcome::Done(format!("{error:#}"), json!([]))
+                        );
+                        Outcome::Done(Done {
+                            text,
+                            radii: radii_of(&run),
+                            earlier: earlier::list(&results),
+                            // Without rows there is nothing to replay.
+                            replay: Replay::of(run, &results.join(ROWS)).ok().map(Arc::new),
+                        })
                     }
+                    // It has results nevertheless.
+                    Err(error) if stopped.is_requested() => Outcome::Done(Done {
+                        text: format!("{error:#}"),
+                        earlier: earlier::list(&results),
+                        ..Done::default()
+                    }),
                     Err(error) => Outcome::Failed(format!("{error:#}")),
                 };
                 *result.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
@@ -90,6 +116,7 @@ impl Running {
             watch,
             stop,
             folder,
+            recording,
             outcome,
             thread: Some(thread.context("no further thread can be started")?),
         })
@@ -105,20 +132,44 @@ impl Running {
         self.outcome().is_none()
     }
 
+    /// Returns what is replayed once it has ended.
+    pub(super) fn replay(&self) -> Option<Arc<Replay>> {
+        match self.outcome()? {
+            Outcome::Done(done) => done.replay,
+            Outcome::Failed(_) => None,
+        }
+    }
+
+    /// The recording of its images.
+    pub(super) fn recording(&self) -> Option<&Recording> {
+        self.recording.as_ref()
+    }
+
+    /// The folder of its results.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Returns what the page shows of it.
     pub(super) fn about(&self) -> Value {
-        let (done, radii, failed) = match self.outcome() {
-            Some(Outcome::Done(text, radii)) => (Some(text), radii, None),
-            Some(Outcome::Failed(text)) => (None, json!([]), Some(text)),
-            None => (None, json!([]), None),
+        let (done, failed) = match self.outcome() {
+            Some(Outcome::Done(done)) => (Some(done), None),
+            Some(Outcome::Failed(text)) => (None, Some(text)),
+            None => (None, None),
         };
-        json!({
-            "goes_on": self.goes_on(),
+        let mut about = json!({
+            "goes_on": done.is_none() && failed.is_none(),
             "folder": self.folder.shown(),
-            "report": done.map(|text| text.trim().to_owned()),
-            "radii": radii,
             "error": failed,
-        })
+            "recording": self.recording.as_ref().map(Recording::about),
+        });
+        if let Some(done) = done {
+            about["report"] = json!(done.text.trim());
+            about["radii"] = done.radii;
+            about["earlier"] = done.earlier;
+            about["can_replay"] = json!(done.replay.is_some());
+        }
+        about
     }
 }
 

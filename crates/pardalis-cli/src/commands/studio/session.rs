@@ -11,6 +11,7 @@ use super::collected::Held;
 use super::places::Places;
 use super::player::{Player, shows_same};
 use super::project::{Project, State};
+use super::replay::Replayed;
 use super::running::Running;
 use super::waved::Waved;
 use crate::commands::learn::samples::Learnt;
@@ -25,6 +26,8 @@ pub(super) struct Session {
     /// The estimates of runs, for other programs.
     pub(super) lines: Lines,
     pub(super) places: Places,
+    /// The last run, whose outlines are drawn over its recordings.
+    pub(super) replayed: Replayed,
     inner: Mutex<Inner>,
     /// For threads that outlive a request.
     pub(super) me: Weak<Self>,
@@ -52,6 +55,7 @@ impl Session {
             feed,
             lines: Lines::default(),
             places,
+            replayed: Replayed::default(),
             me: Weak::clone(me),
             inner: Mutex::new(Inner {
                 project,
@@ -168,7 +172,7 @@ impl Session {
             }
             let is_open = |(other, _): &mut (SourceConfig, Source)| shows_same(other, &config);
             let source = open.take_if(is_open).map(|(_, source)| source);
-            if let Ok(player) = Player::start(&name, config, source, &self.feed) {
+            if let Ok(player) = Player::start(&name, config, source, (&self.feed, &self.replayed)) {
                 inner.players.insert(name, player);
             }
         }

@@ -9,7 +9,7 @@ use pardalis_scene::{NAMES_ALLOWED, is_name};
 use serde::Deserialize;
 use toml_edit::{Array, Value};
 
-use super::edits::{with_shape, with_table};
+use super::edits::{with_shape, with_table, with_value};
 use super::session::{Inner, Session};
 use crate::commands::init::text::target_text;
 use crate::user_error::user_error;
@@ -19,6 +19,15 @@ use crate::user_error::user_error;
 pub(super) struct NewTarget {
     name: String,
     radius_m: Option<f64>,
+}
+
+/// A whole number in the scene.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SetNumber {
+    /// Its full key.
+    key: String,
+    value: i64,
 }
 
 /// The shape of a target, as in the scene.
@@ -91,6 +100,31 @@ impl Session {
         );
         self.edit(&format!("targets.{target}"), what, |state| {
             state.text = with_shape(&state.text, target, kind, &sizes)?.into();
+            Ok(())
+        })
+    }
+}
+
+impl Session {
+    /// Sets the seed of the scene, or the number of particles of a target.
+    pub(super) fn set_number(&self, set: &SetNumber) -> Result<()> {
+        let SetNumber { key, value } = set;
+        let path: Vec<&str> = key.split('.').collect();
+        match path[..] {
+            ["seed"] => {}
+            ["targets", name, "filter", "particles"] => {
+                if self.inner().table_of("targets", name).is_none() {
+                    return Err(user_error!("targets.{name}: is not in the scene"));
+                }
+            }
+            _ => {
+                return Err(user_error!(
+                    "{key}: allowed: seed, targets.NAME.filter.particles"
+                ));
+            }
+        }
+        self.edit(key, format!("{key} {value}"), |state| {
+            state.text = with_value(&state.text, &path, *value)?.into();
             Ok(())
         })
     }

@@ -1,0 +1,101 @@
+//! Earlier runs, and the comparison of one with the last.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use serde_json::{Value, json};
+
+use super::replay::{Outlined, Replay};
+use crate::report::{self, Compared};
+use crate::tables::read_tracks;
+use crate::tracking::{ROWS, SUMMARY, earlier_runs};
+use crate::user_error::user_error;
+
+/// Returns the earlier runs among the results in a folder that can be compared with the last, each with its number and the settings that differ, first its own.
+/// Those of live cameras have no times in common.
+pub(super) fn list(folder: &Path) -> Value {
+    let Some(last) = read_summary(folder) else {
+        return json!([]);
+    };
+    let runs = comparable(folder)
+        .into_iter()
+        .filter_map(|(number, place)| {
+            let summary = read_summary(&place)?;
+            let [[from_s, to_s], [last_from_s, last_to_s]] = [span_s(&summary)?, span_s(&last)?];
+            let differ = report::settings([Some(&summary), Some(&last)]);
+            let entry = json!({ "number": number, "settings": differ });
+            (from_s <= last_to_s && last_from_s <= to_s).then_some(entry)
+        });
+    runs.collect()
+}
+
+/// Returns the earlier runs that have rows of their own: a link could lead to a file elsewhere, and the folder may have come from somebody else.
+fn comparable(folder: &Path) -> Vec<(usize, PathBuf)> {
+    let mut runs = earlier_runs(folder);
+    runs.retain(|(_, place)| is_file(&place.join(ROWS)));
+    runs
+}
+
+fn is_file(path: &Path) -> bool {
+    path.symlink_metadata().is_ok_and(|found| found.is_file())
+}
+
+/// Returns the times of the first and the last frame of a run, in seconds.
+fn span_s(summary: &Value) -> Option<[f64; 2]> {
+    let cameras = summary["cameras"].as_object()?;
+    let spans = cameras.values().filter_map(|camera| {
+        let frames = &camera["frames"];
+        Some([
+            frames["first_time_s"].as_f64()?,
+            frames["last_time_s"].as_f64()?,
+        ])
+    });
+    spans.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
+}
+
+/// Reads a summary; `None` if a run was killed before it wrote one.
+fn read_summary(folder: &Path) -> Option<Value> {
+    let path = folder.join(SUMMARY);
+    let text = is_file(&path).then(|| std::fs::read(path).ok())??;
+    serde_json::from_slice(&text).ok()
+}
+
+/// Compares the last run, whose results are in a folder, with an earlier one, and draws the outlines of that over the images as well; none for no number.
+pub(super) fn compare(
+    folder: &Path,
+    replay: Option<&Replay>,
+    number: Option<usize>,
+) -> Result<Value> {
+    let show = |other| {
+        if let Some(replay) = replay {
+            replay.set_other(other);
+        }
+    };
+    let Some(number) = number else {
+        show(Outlined::default());
+        return Ok(json!({}));
+    };
+    let runs = comparable(folder);
+    let Some((_, place)) = runs.iter().find(|(other, _)| *other == number) else {
+        return Err(user_error!(
+            "run {number}: is not kept any more; choose another"
+        ));
+    };
+    let last = runs.last().map_or(1, |(last, _)| last + 1);
+    let names = [last, number].map(|number| format!("run {number}"));
+    let folders = [folder, place];
+    let summaries = folders.map(read_summary);
+    let rows = folders.map(|folder| folder.join(ROWS));
+    let [ours, theirs] = [0, 1].map(|run| Compared {
+        name: &names[run],
+        tracks: &rows[run],
+        summary: summaries[run].as_ref(),
+    });
+    let comparison = report::compare(ours, theirs)?;
+    let sizes = summaries[1].iter().flat_map(report::diameters_m);
+    show(Outlined {
+        tracks: read_tracks(&rows[1])?,
+        diameters_m: sizes.collect(),
+    });
+    Ok(json!(comparison))
+}

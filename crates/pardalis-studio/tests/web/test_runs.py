@@ -1,0 +1,253 @@
+"""Runs of the studio, one after another: replay, another setting, and the comparison of both.
+
+`scripts/web-test` runs it, with the fixtures of `web_fixtures.py` and `studio_fixtures.py`.
+"""
+
+import csv
+import json
+import math
+import re
+
+import pytest
+from playwright.sync_api import expect
+from studio_fixtures import DATA, frames_of, run, truth_of, until
+
+
+@pytest.fixture
+def jump(tmp_path):
+    """A folder with a scene of a thrown ball, whose images are elsewhere."""
+    scene = (DATA / "dioptric-jump/scene.toml").read_text()
+    scene = scene.replace('"frames"', f'"{DATA / "dioptric-jump/frames"}"').replace("../colors", str(DATA / "colors"))
+    (tmp_path / "scene.toml").write_text(scene)
+    return tmp_path
+
+
+def listen(page):
+    """Keeps the messages that the page gets, as it gets them."""
+    page.evaluate(
+        """async () => {
+            const { Live } = await import("/connection.js");
+            window.seen = new Map();
+            new Live((topic, value, image) => { window.seen.set(topic, value); image?.close(); }, () => {});
+        }"""
+    )
+
+
+def track(page):
+    page.click("#start")
+    expect(page.locator("#start")).to_be_hidden()
+    expect(page.locator("#report")).to_contain_text("tracked 110 frames")
+
+
+def replay_at(page, frame, count=110):
+    page.locator("#replay-frame").evaluate("(slider, frame) => { slider.value = frame; slider.dispatchEvent(new Event('input')); }", frame)
+    expect(page.locator("#replay .number-of-frame")).to_have_text(f"{frame + 1} / {count}")
+
+
+def outlines(page, frame, count=110):
+    """The outlines over a frame of the replay, by their colours: the middle and the radius in pixels."""
+    replay_at(page, frame, count)
+    until(lambda: page.evaluate("window.seen.get('image/cam1').index") == frame)
+    found = {}
+    for mark in page.evaluate("window.seen.get('image/cam1').marks"):
+        points = mark["points_px"]
+        middle = [sum(point[axis] for point in points) / len(points) for axis in range(2)]
+        found[tuple(mark["color"])] = (middle, sum(math.dist(point, middle) for point in points) / len(points))
+    return found
+
+
+def rows_of(folder):
+    with open(folder / "tracks.csv") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
+    one = studio("scene.toml", folder=jump)
+    page = one.page
+    listen(page)
+    one.step("track")
+    track(page)
+    # Replay: every frame with the outline where the ball is.
+    truth = truth_of("dioptric-jump")
+    for frame in (100, 40, 0):
+        ((middle, _),) = outlines(page, frame).values()
+        assert math.dist(middle, [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])]) < 2
+    # It plays by itself, from the beginning once it has come to the end.
+    replay_at(page, 109)
+    page.click("#replay-play")
+    expect(page.locator("#replay-play")).to_contain_text("Pause")
+    expect(page.locator("#replay .number-of-frame")).to_have_text(re.compile(r"^[1-9]\d? / 110"))
+    page.click("#replay-play")
+    expect(page.locator("#replay-play")).to_contain_text("Replay")
+    # And by keys.
+    page.locator("#replay-frame").focus()
+    page.keyboard.press("Home")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#replay .number-of-frame")).to_have_text("2 / 110")
+    # Nothing to compare with yet. Another seed, another size: edits of the scene, which can be undone.
+    expect(page.locator("#compare-with")).to_be_hidden()
+    page.click("#settings summary")
+    page.fill("#seed", "7")
+    page.keyboard.press("Tab")
+    expect(page.locator("#undo")).to_have_attribute("title", re.compile("seed 7"))
+    page.fill("#run-diameter-ball", "20")
+    page.keyboard.press("Tab")
+    until(lambda: "radius_m = 0.1\n" in one.ask("state")["text"])
+    first = rows_of(jump / "scene-tracks")
+    track(page)
+    # The earlier run is kept, and both lie over each other.
+    assert rows_of(jump / "scene-tracks/earlier/1") == first
+    expect(page.locator("#compare-with option:checked")).to_have_text("run 1: seed 1, radius_m 0.11")
+    comparison = page.locator("#viewer .pv-comparison")
+    expect(comparison.locator("tbody th").nth(0)).to_have_text("run 2")
+    expect(comparison.locator("tbody th").nth(1)).to_have_text("run 1")
+    expect(comparison).to_contain_text("targets.ball.shape.sphere.radius_m 0.1 → 0.11")
+    second = rows_of(jump / "scene-tracks")
+    apart = sorted(math.dist([float(a[f"{axis}_m"]) for axis in "xyz"], [float(b[f"{axis}_m"]) for axis in "xyz"]) for a, b in zip(first, second))
+    expect(comparison.locator(".pv-distance")).to_contain_text(f"median {1000 * (apart[54] + apart[55]) / 2:.0f} mm, largest {1000 * apart[-1]:.0f} mm")
+    # A smaller ball that looks as large is nearer to the camera.
+    assert apart[0] > 0.1
+    # The same figures as `pardalis view` of the two folders.
+    run("view", "scene-tracks", "scene-tracks/earlier/1", "--no-open", folder=jump)
+    data = (jump / "scene-tracks/comparison.html").read_text().split('id="data">')[1].split("</script>")[0]
+    shown = one.ask("compare", {"run": 1})
+    assert shown["targets"] == json.loads(data)["comparison"]["targets"]
+    page.set_viewport_size({"width": 900, "height": 700})
+    assert page.evaluate("document.documentElement.scrollWidth") == 900
+    page.set_viewport_size({"width": 1280, "height": 800})
+    # In the replay both outlines lie on the ball, each in its size.
+    page.click("#show-pictures")
+    both = outlines(page, 60)
+    assert set(both) == {(255, 255, 255), (255, 138, 76)}
+    for middle, radius in both.values():
+        assert math.dist(middle, [float(truth[60]["u_px"]), float(truth[60]["v_px"])]) < 2
+        assert 4 < radius < 12
+    radii = [radius for _, radius in both.values()]
+    assert abs(radii[0] - radii[1]) < 0.3
+    # And it can be taken away.
+    page.select_option("#compare-with", "")
+    until(lambda: len(outlines(page, 61)) == 1)
+    page.click("#show-viewer")
+    expect(page.locator("#viewer")).to_contain_text("tracking")
+    expect(page.locator("#viewer .pv-comparison")).to_be_hidden()
+    # The settings of the first run again give its rows, byte for byte.
+    page.click("#undo")
+    page.click("#undo")
+    expect(page.locator("#undo")).to_be_disabled()
+    track(page)
+    assert rows_of(jump / "scene-tracks") == first
+    expect(page.locator("#compare-with option")).to_have_count(3)
+
+
+def test_wrong_settings_and_runs_are_refused_with_their_remedy(studio, jump):
+    one = studio("scene.toml", folder=jump)
+    page = one.page
+    before = one.ask("state")["text"]
+    one.step("track")
+    track(page)
+    page.click("#settings summary")
+    page.fill("#seed", "1.5")
+    page.keyboard.press("Tab")
+    expect(page.locator("#messages")).to_contain_text("Type a whole number.")
+    page.fill("#particles-ball", "0")
+    page.keyboard.press("Tab")
+    expect(page.locator("#messages")).to_contain_text("targets.ball.filter.particles: ")
+    errors = {
+        "set_number": ({"key": "cameras.cam1.fps", "value": 3}, "allowed: seed, targets.NAME.filter.particles"),
+        "set_number ": ({"key": "targets.cube.filter.particles", "value": 3}, "targets.cube: is not in the scene"),
+        "compare": ({"run": 8}, "run 8: is not kept any more"),
+        "track": ({"record": True}, "no camera is live: what there is to be tracked is recorded already"),
+        "use_recording": ({}, "there is no recording yet"),
+    }
+    for request, (value, remedy) in errors.items():
+        assert remedy in one.ask(request.strip(), value)["error"], request
+    assert one.ask("state")["text"] == before
+    # Requests that are refused are errors on the console of the browser.
+    one.errors.clear()
+
+
+def test_a_camera_on_a_robot_moves_in_the_view_and_under_its_outlines(studio, tmp_path):
+    sequence = DATA / "dioptric-moving-robot"
+    scene = (sequence / "scene.toml").read_text().replace("../colors", str(DATA / "colors"))
+    for name in ("frames", "camera.json", "odometry.csv"):
+        scene = scene.replace(f'"{name}"', f'"{sequence / name}"')
+    (tmp_path / "scene.toml").write_text(scene)
+    one = studio("scene.toml")
+    page = one.page
+    listen(page)
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("#report")).to_contain_text("tracked 100 frames")
+    assert len(one.ask("rows", {"from": 0})["cameras"]["cam1"]) == 100
+    assert len(one.ask("rows", {"from": 60})["cameras"]["cam1"]) == 40
+    truth = truth_of("dioptric-moving-robot")
+    for frame in (90, 10):
+        ((middle, _),) = outlines(page, frame, 100).values()
+        assert math.dist(middle, [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])]) < 3
+    page.click("#show-viewer")
+    label = page.locator("#viewer .pv-camera-name")
+    expect(label).to_be_visible()
+    end = label.bounding_box()
+    page.keyboard.press("Home")
+    expect(page.locator("#viewer .pv-time")).to_have_text("0.000 s")
+    until(lambda: abs(label.bounding_box()["x"] - end["x"]) > 20)
+
+
+def test_a_live_camera_is_recorded_and_tracked_again(studio, jump, streams):
+    address = streams(*frames_of("dioptric-jump/frames")).address
+    scene = (jump / "scene.toml").read_text()
+    scene = re.sub('images = .*\\nfps = 25', f'video = "{address}"\ntime_offset_s = 0.5', scene)
+    (jump / "scene.toml").write_text(scene)
+    one = studio("scene.toml", folder=jump)
+    page = one.page
+    listen(page)
+    one.step("track")
+    page.check("#record")
+    page.click("#start")
+    # How much there is shows while it grows.
+    expect(page.locator("#recorded")).to_have_text(re.compile(r"Recorded (4\d|[5-9]\d|\d{3}) images, \d+\.\d MB"))
+    assert "null" not in page.locator("#now").inner_text()
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+    folder = jump / "scene-recording/1/cam1"
+    images = sorted(path.name for path in folder.glob("*.jpg"))
+    live = rows_of(jump / "scene-tracks")
+    # On a machine with other work, some images may come too fast.
+    recording = one.ask("state")["run"]["recording"]
+    assert recording["images"] == len(images) > 40
+    assert recording["images"] + recording["dropped"] == len(live)
+    assert recording["bytes"] == sum(path.stat().st_size for path in folder.glob("*.jpg"))
+    # The times are those of the camera, without what the scene adds.
+    with open(folder / "times.csv") as file:
+        times = [float(row["time_s"]) + 0.5 for row in csv.DictReader(file)]
+    at = [round(float(row["time_s"]), 6) for row in live]
+    assert len(times) == len(images) and all(round(time_s, 6) in at for time_s in times)
+    # The recording takes the place of the camera, and is tracked with nearly the same rows.
+    page.click("#use-recording")
+    expect(page.locator("#record")).to_be_hidden()
+    assert 'images = "scene-recording/1/cam1"' in one.ask("state")["text"]
+    page.click("#start")
+    expect(page.locator("#compare-with option:checked")).to_contain_text("run 1")
+    again = rows_of(jump / "scene-tracks")
+    assert len(again) == len(images)
+    distance = page.locator("#viewer .pv-distance")
+    expect(distance).to_contain_text("times")
+    shown = one.ask("compare", {"run": 1})["targets"]["ball"]
+    # Not where one of both has not found it yet.
+    assert 0.5 * len(images) < shown["distance"]["times"] <= len(images)
+    assert shown["distance"]["median_m"] < 0.05
+    # And replayed.
+    page.click("#show-pictures")
+    assert len(outlines(page, 5, len(images))) == 2
+    # Undo goes back to the camera.
+    page.click("#undo")
+    expect(page.locator("#record")).to_be_visible()
+    assert (jump / "scene.toml").read_text() == one.ask("state")["text"]
+    page.click("#start")
+    expect(page.locator("#recorded")).to_have_text(re.compile(r"Recorded [1-9]\d* images"))
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+    assert (jump / "scene-recording/2/cam1/000000.jpg").exists()
+    # A live run has no times in common with those before.
+    assert one.ask("state")["run"]["earlier"] == []
+    expect(page.locator("#compare-with")).to_be_hidden()

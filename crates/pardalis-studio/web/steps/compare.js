@@ -1,0 +1,43 @@
+// Settings that are changed between runs, and the comparison of the last run with an earlier one.
+
+import { choice, el, field } from "../elements.js";
+
+/** Whether the fields for settings are shown. */
+let isOpen = false;
+
+/** What tells an earlier run from the last: its settings that differ. */
+function optionOf({ number, settings }) {
+  const values = settings.slice(0, 3).map(({ key, values: [value] }) => `${key.split(".").at(-1)} ${value ?? "not set"}`);
+  const text = [...values, ...(settings.length > 3 ? ["…"] : [])].join(", ");
+  return [String(number), `run ${number}${text && ": "}${text}`];
+}
+
+/** The choice of a run to compare with; `chosen` is its number or null. */
+export function compareControl(app, chosen, pick) {
+  const { earlier } = app.state.run ?? {};
+  if (!earlier?.length) return null;
+  const options = [["", "no other run"], ...[...earlier].reverse().map(optionOf)];
+  const select = choice(options, String(chosen ?? ""), (value) => pick(value ? Number(value) : null), { id: "compare-with" });
+  return field("Compare with", select, chosen && "The other run is orange: dashed in plots and in 3D, and its outlines in the pictures of the replay.");
+}
+
+/** Fields for settings that people vary. */
+export function settingsControl(app) {
+  const whole = (key, id, value, min) => {
+    const set = () => {
+      const number = Number(input.value);
+      if (input.value.trim() === "" || !Number.isInteger(number)) app.say("Type a whole number.", true);
+      else app.change("set_number", { key, value: number });
+    };
+    const input = el("input", { type: "number", id, min, step: 1, value, onchange: set });
+    return input;
+  };
+  const targets = app.state.targets.filter(({ shape }) => shape).map(({ name, shape, particles }) => {
+    const radius_m = shape.sphere?.radius_m;
+    const setSize = () => app.change("set_shape", { target: name, kind: "sphere", sizes: { radius_m: Number((Number(size.value) / 200).toPrecision(9)) } });
+    const size = Number.isFinite(radius_m) && el("input", { type: "number", id: `run-diameter-${name}`, min: 0, step: "any", value: Number((200 * radius_m).toPrecision(6)), onchange: setSize });
+    return el("div", { class: "row" }, field(`${name}: particles`, whole(`targets.${name}.filter.particles`, `particles-${name}`, particles, 1)), size && field("Diameter in cm", size));
+  });
+  const details = el("details", { id: "settings", open: isOpen, ontoggle: () => (isOpen = details.open) }, el("summary", {}, "Change a setting"), field("Seed", whole("seed", "seed", app.state.seed, 0)), targets);
+  return details;
+}

@@ -1,0 +1,57 @@
+// The bar below the pictures of a finished run: moves through its recordings, whose frames have the outlines of the run.
+
+import { ask } from "../connection.js";
+import { button, el } from "../elements.js";
+
+/** The camera with the most frames tells where the replay is. */
+function longest(app) {
+  const counted = app.state.cameras.filter(({ source }) => source?.frame_count > 1);
+  return counted.sort((a, b) => b.source.frame_count - a.source.frame_count)[0] ?? null;
+}
+
+/** Whether the last run can be replayed: its frames come from recordings. */
+export function canReplay(app) {
+  const { run, cameras } = app.state;
+  return Boolean(run && !run.goes_on && run.can_replay && longest(app) && cameras.every(({ source }) => source && !source.is_live));
+}
+
+/** Shows the frames of all cameras at the same share of their recordings. */
+function goTo(app, frame, more = {}) {
+  const last = longest(app).source.frame_count - 1;
+  const share = Math.min(Math.max(frame / last, 0), 1);
+  return Promise.all(app.state.cameras.map(({ name, source }) => ask("show", { camera: name, frame: Math.round(share * (source.frame_count - 1)), is_playing: false, ...more })));
+}
+
+function play(app, is) {
+  const frame = now(app).frame + 1 >= longest(app).source.frame_count ? 0 : null;
+  if (is && frame === 0) return goTo(app, 0, { is_playing: true });
+  return Promise.all(app.state.cameras.map(({ name }) => ask("show", { camera: name, is_playing: is })));
+}
+
+function now(app) {
+  const source = app.latest.get(`source/${longest(app).name}`);
+  return { frame: source?.frame ?? 0, isPlaying: Boolean(source?.is_playing) };
+}
+
+/** `begin` is called when the user moves. */
+export function replayBar(app, begin) {
+  const count = longest(app).source.frame_count;
+  const slider = el("input", {
+    type: "range", id: "replay-frame", min: 0, max: count - 1, value: count - 1, "aria-label": "Frame of the run",
+    oninput: () => { begin(); goTo(app, Number(slider.value)); },
+  });
+  const toggle = button("▶ Replay", () => { begin(); play(app, toggle.dataset.plays !== "yes"); }, { id: "replay-play" });
+  return el("div", { id: "replay" }, toggle, slider, el("span", { class: "number-of-frame" }, `${count} / ${count}`));
+}
+
+/** Follows the frame that is shown. */
+export function updateReplay(app) {
+  const bar = document.getElementById("replay");
+  if (!bar) return;
+  const { frame, isPlaying } = now(app);
+  const [toggle, slider, number] = bar.children;
+  toggle.dataset.plays = isPlaying ? "yes" : "no";
+  toggle.textContent = isPlaying ? "❚❚ Pause" : "▶ Replay";
+  if (document.activeElement !== slider || isPlaying) slider.value = frame;
+  number.textContent = `${frame + 1} / ${longest(app).source.frame_count}`;
+}
