@@ -38,7 +38,14 @@ def desk(tmp_path):
 
 
 def poses(text):
-    return {name: camera["world_from_camera"] for name, camera in tomllib.loads(text)["cameras"].items()}
+    return {name: camera["world_from_camera"] for name, camera in tomllib.loads(text)["cameras"].items() if "world_from_camera" in camera}
+
+
+def seen_at(camera, place):
+    """Returns where a camera shows a place."""
+    rows = camera["T_world_from_camera"]
+    x, y, z = (sum(rows[k][i] * (place[k] - rows[k][3]) for k in range(3)) for i in range(3))
+    return [camera["fx"] * x / z + camera["cx"], camera["fy"] * y / z + camera["cy"]]
 
 
 def relative(matrices):
@@ -83,12 +90,8 @@ def test_recordings_give_the_scene_that_calibrate_rig_writes(studio, desk):
 def test_known_points_say_where_the_room_is(studio, desk):
     # Places on the desk, and where the first camera shows them.
     camera = truth()["cam1"]
-    rows = camera["T_world_from_camera"]
-    points = []
-    for place in [[0.3, 0.6, 0], [0.7, 0.6, 0], [0.7, 0.9, 0], [0.3, 0.9, 0]]:
-        x, y, z = (sum(rows[k][i] * (place[k] - rows[k][3]) for k in range(3)) for i in range(3))
-        pixel = [round(camera["fx"] * x / z + camera["cx"], 1), round(camera["fy"] * y / z + camera["cy"], 1)]
-        points.append({"at_px": pixel, "world_m": place})
+    places = [[0.3, 0.6, 0], [0.7, 0.6, 0], [0.7, 0.9, 0], [0.3, 0.9, 0]]
+    points = [{"at_px": [round(value, 1) for value in seen_at(camera, place)], "world_m": place} for place in places]
     lines = [f"cam1,{p['at_px'][0]},{p['at_px'][1]},{','.join(map(str, p['world_m']))}\n" for p in points]
     (desk / "points.csv").write_text("view,u_px,v_px,x_m,y_m,z_m\n" + "".join(lines))
     one = studio("desk.toml")
@@ -113,6 +116,38 @@ def test_known_points_say_where_the_room_is(studio, desk):
         # Clicks are right to a pixel or so of the screen.
         assert max(abs(a - b) for a, b in zip(at[0], at[1])) < 0.02, at
         assert max(abs(a - b) for a, b in zip(at[1], at[2])) < 0.02, at
+
+
+def test_points_of_the_next_camera_are_the_same_places(studio, desk):
+    one = studio("desk.toml")
+    page = one.page
+    page.evaluate("() => { window.clicks = 0; addEventListener('pointerdown', () => (window.clicks += 1), true); }")
+    places = [[0.4, 0.45, 0], [0.6, 0.45, 0], [0.6, 0.6, 0.25], [0.3, 0.4, 0.1], [0.5, 0.4, 0.25], [0.3, 0.5, 0.2]]
+    one.step("pose")
+    for camera, size in [("cam1", (320, 240)), ("cam2", (240, 320))]:
+        if camera == "cam2":
+            page.click("#tab-cam2")
+            expect(page.locator("#same-places")).to_contain_text("in the same order")
+        for place in places:
+            page.mouse.click(*one.at(camera, seen_at(truth()[camera], place), size))
+        if camera == "cam1":
+            # Typed from the first field on, with the tabulator between them.
+            page.click("#point-0-x")
+            for number in [number for place in places for number in place]:
+                page.keyboard.press("Control+a")
+                page.keyboard.type(str(number))
+                page.keyboard.press("Tab")
+                # Behind each point there is its button.
+                if page.evaluate("document.activeElement.tagName") == "BUTTON":
+                    page.keyboard.press("Tab")
+            page.click("#compute")
+        until(lambda: camera in poses(one.ask("state")["text"]))
+    # The step, six points each, the first field, the button of the first camera, and the tab of the second.
+    assert page.evaluate("window.clicks") == 16
+    found = poses(one.ask("state")["text"])
+    for name, camera in truth().items():
+        # Clicks are right to a pixel or so of the screen.
+        assert max(abs(row[3] - true[3]) for row, true in zip(found[name][:3], camera["T_world_from_camera"])) < 0.02, (name, found[name])
 
 
 def test_what_is_missing_is_said_with_the_way_there(studio, desk):
