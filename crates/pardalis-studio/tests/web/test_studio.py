@@ -92,7 +92,11 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
     page.keyboard.press("Enter")
     expect(page.locator("#labels li")).to_have_count(1)
     colors = (tmp_path / "ball.colors.toml").read_text()
-    # A box in its place, begun and ended with B.
+    # A box in the next frame, begun and ended with B.
+    page.locator("#frame-cam1").focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("[data-camera=cam1] .number-of-frame")).to_have_text("2 / 110")
+    page.locator("[data-camera=cam1] canvas").focus()
     for key, count in [("ArrowLeft", 20), ("ArrowUp", 18)]:
         for _ in range(count):
             page.keyboard.press(key)
@@ -101,6 +105,7 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
         for _ in range(count):
             page.keyboard.press(key)
     page.keyboard.press("b")
+    expect(page.locator("#labels li")).to_have_count(2)
     until(lambda: (tmp_path / "ball.colors.toml").read_text() != colors)
     page.keyboard.press("Alt+5")
     page.fill("#diameter-ball", "30")

@@ -29,7 +29,7 @@ const MAX_LABEL_SHIFT: f64 = 0.15;
 const MAX_FOUND_SHIFT: f64 = 0.5;
 
 /// By how much a fitted outline may differ from a rough one in place and size, as a share of the radius, and at least in pixels. Hand-set: rough ones are off
-/// by a tenth, and small ones by up to a pixel.
+/// by a tenth, small ones by up to a pixel, and the thin ellipses of mirrors by a quarter.
 #[cfg(feature = "studio")]
 const ROUGH: (f64, f64) = (0.3, 1.0);
 
