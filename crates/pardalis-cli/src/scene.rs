@@ -12,6 +12,7 @@ use pardalis_scene::{
 };
 
 use crate::detections::{CameraDetections, Detections, Images};
+use crate::interrupt::Stop;
 use crate::named_files;
 use crate::output::{Shown, warn};
 use crate::platforms::PlatformRows;
@@ -153,9 +154,20 @@ fn find_rectangle(
 /// `stills`, if any, replace the frames of its only camera.
 pub(crate) fn open(
     path: &Path,
+    scene: Scene,
+    seed: Option<u32>,
+    stills: &[PathBuf],
+) -> Result<OpenScene> {
+    open_until(path, scene, seed, stills, &Stop::default())
+}
+
+/// Opens all files of a scene as [`open`] does, unless it is to stop while a live camera is waited for, which fails.
+pub(crate) fn open_until(
+    path: &Path,
     mut scene: Scene,
     seed: Option<u32>,
     stills: &[PathBuf],
+    stop: &Stop,
 ) -> Result<OpenScene> {
     if !stills.is_empty() && scene.cameras.len() != 1 {
         return Err(user_error!(
@@ -177,7 +189,7 @@ pub(crate) fn open(
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut parts = Parts::with(scene, Vec::new());
-    parts.open_cameras(folder, stills)?;
+    parts.open_cameras(folder, stills, stop)?;
     if parts.assembly.problems.is_empty() {
         parts.source_warnings(path).iter().for_each(warn);
     }
@@ -196,7 +208,7 @@ pub(crate) fn open_parts(path: &Path) -> Result<Parts> {
     let missing = named_files::missing(&text, folder, &scene);
     let mut parts = Parts::with(scene, problems);
     parts.assembly.problems.extend(missing);
-    parts.open_cameras(folder, &[])?;
+    parts.open_cameras(folder, &[], &Stop::default())?;
     parts.find_recorded_rectangles(folder);
     parts.open_targets(folder);
     Ok(parts)
@@ -256,10 +268,10 @@ impl Parts {
     /// Opens the frames of all cameras, or `stills` in place of those of its only camera.
     ///
     /// Errors: the stills cannot be opened.
-    fn open_cameras(&mut self, folder: &Path, stills: &[PathBuf]) -> Result<()> {
+    fn open_cameras(&mut self, folder: &Path, stills: &[PathBuf], stop: &Stop) -> Result<()> {
         for camera in &mut self.scene.cameras {
             let source = if stills.is_empty() {
-                open_source(camera, folder, &mut self.scene.resolved)
+                open_source(camera, folder, &mut self.scene.resolved, stop)
             } else {
                 Ok(Source::stills(stills)?)
             };
@@ -463,7 +475,8 @@ pub(crate) fn open_camera(
     let problem = |problem| problems_in("scene", path, &[problem]);
     let resolved = &mut toml::Table::new();
     let source = if stills.is_empty() {
-        let source = open_source(&mut camera, folder, resolved).map_err(problem)?;
+        let source =
+            open_source(&mut camera, folder, resolved, &Stop::default()).map_err(problem)?;
         source_warning(path, &camera, &source).iter().for_each(warn);
         source
     } else {
@@ -498,10 +511,11 @@ fn open_source(
     camera: &mut CameraConfig,
     folder: &Path,
     resolved: &mut toml::Table,
+    stop: &Stop,
 ) -> Result<Source, Problem> {
     let config = source_config(camera, folder)?;
     let place = camera.input.place();
-    let source = Source::open(&config);
+    let source = Source::open_until(&config, stop);
     let mut source = source.map_err(|error| place.problem(format!("{error:#}")))?;
     if source.is_live() {
         find_in_source(camera, &mut source, resolved)?;

@@ -20,7 +20,18 @@ export function button(text, onclick, attributes = {}) {
 
 /** Makes a field with its name above it and, if given, a hint below it. */
 export function field(name, input, hint = null) {
+  if (input.type === "number") selectAtFirst(input);
   return el("label", { class: "field" }, el("span", {}, name), input, hint && el("small", {}, hint));
+}
+
+/** Selects the number in a field at the click that goes to it, to be typed over. */
+function selectAtFirst(input) {
+  let isNew = false;
+  input.addEventListener("focus", () => { isNew = true; });
+  input.addEventListener("click", () => {
+    if (isNew) input.select();
+    isNew = false;
+  });
 }
 
 /** Makes a choice among values, `[value, text]` each. */

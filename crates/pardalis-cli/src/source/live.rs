@@ -13,6 +13,7 @@ use super::probed::ProbedStream;
 use super::running::Running;
 use super::start_thread;
 use crate::capture_clock::CaptureClock;
+use crate::interrupt::Stop;
 use crate::output::{note, warn};
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
@@ -22,6 +23,8 @@ const FIRST_FRAME_TIMEOUT_S: f64 = 20.0;
 
 /// How long to wait for a live source before a message appears.
 const SILENT_WAIT: Duration = Duration::from_secs(2);
+/// How often a wait for a live source looks whether it is to stop.
+const STOP_POLL: Duration = Duration::from_millis(50);
 
 /// A camera's clock has been set if it goes back by more than this, in seconds. Frames that are delivered in another order do
 /// not differ by so much.
@@ -116,8 +119,13 @@ impl Again {
                 .decode_live(&self.video)
                 .and_then(|mut decode| {
                     running.replace(Arc::clone(&decode.process));
-                    let (stream, size_px) =
-                        first_of(input, &mut decode, timeout, Announce::Nothing)?;
+                    let (stream, size_px) = first_of(
+                        input,
+                        &mut decode,
+                        timeout,
+                        Announce::Nothing,
+                        &Stop::default(),
+                    )?;
                     check(&stream, size_px)?;
                     Ok(decode)
                 });
@@ -192,17 +200,21 @@ pub(super) enum Announce {
 }
 
 /// Waits for the first frame of a live source and returns its stream and its size in pixels. Fails if it does not come
-/// within the limit.
+/// within the limit, or if it is to stop before.
 pub(super) fn first_of(
     input: &str,
     decode: &mut Decode,
     limit: Duration,
     announce: Announce,
+    stop: &Stop,
 ) -> Result<(ProbedStream, (usize, usize))> {
-    let watch = Watch::start(input, &decode.process, limit, announce)?;
+    let watch = Watch::start(input, &decode.process, limit, (announce, stop))?;
     let size_px = decode.frames.size_px();
     let stream = decode.colors.recv();
     if watch.has_expired() {
+        if stop.is_requested() {
+            return Err(user_error!("{input}: stopped before its first frame came"));
+        }
         let check = if input.starts_with("udp://") || input.starts_with("rtp://") {
             "check that the camera sends to this port of this computer, and that no firewall keeps it out"
         } else {
@@ -247,7 +259,7 @@ fn what_to_check(input: &str) -> &'static str {
     }
 }
 
-/// Tells the user that a source keeps them waiting, and ends ffmpeg after a time.
+/// Tells the user that a source keeps them waiting, and ends ffmpeg after a time, or if it is to stop.
 struct Watch {
     /// Closed to end the thread.
     open: Option<Sender<()>>,
@@ -259,23 +271,25 @@ impl Watch {
         input: &str,
         process: &Arc<Process>,
         limit: Duration,
-        announce: Announce,
+        (announce, stop): (Announce, &Stop),
     ) -> Result<Self> {
         let (open, is_open) = channel();
-        let (input, process) = (input.to_owned(), Arc::clone(process));
+        let (input, process, stop) = (input.to_owned(), Arc::clone(process), stop.clone());
         let thread = start_thread(move || {
-            let waits = |time| is_open.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
-            let silent = SILENT_WAIT.min(limit);
-            if waits(silent) {
-                if announce == Announce::Waiting {
+            let watch = Stopwatch::start();
+            let mut is_said = announce == Announce::Nothing;
+            while is_open.recv_timeout(STOP_POLL) == Err(RecvTimeoutError::Timeout) {
+                let waited_s = watch.elapsed_s();
+                if stop.is_requested() || waited_s >= limit.as_secs_f64() {
+                    process.kill();
+                    return true;
+                }
+                if !is_said && waited_s >= SILENT_WAIT.as_secs_f64() {
                     let limit_s = limit.as_secs_f64();
                     note(format_args!(
                         "waiting for the first frame of {input}, at most {limit_s} s"
                     ));
-                }
-                if waits(limit.saturating_sub(silent)) {
-                    process.kill();
-                    return true;
+                    is_said = true;
                 }
             }
             false

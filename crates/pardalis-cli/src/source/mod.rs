@@ -29,7 +29,7 @@ use pardalis::{Frame, PixelFormat};
 use pardalis_scene::{FrameRange, VideoInput, WhenBehind};
 use serde::Serialize;
 
-use crate::interrupt;
+use crate::interrupt::{self, Stop};
 use crate::output::Shown;
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
@@ -230,6 +230,11 @@ impl Source {
     ///
     /// Fails on every error that is detectable before the first frame is decoded.
     pub(crate) fn open(config: &SourceConfig) -> Result<Self> {
+        Self::open_until(config, &Stop::default())
+    }
+
+    /// Opens the source as [`Source::open`] does, unless it is to stop while a live one is waited for, which fails.
+    pub(crate) fn open_until(config: &SourceConfig, stop: &Stop) -> Result<Self> {
         match &config.kind {
             SourceKind::Images { folder, timing } => {
                 let frames = ImageFrames::open(folder, timing, config.frames)?;
@@ -249,7 +254,7 @@ impl Source {
                 let programs = Programs::find(&search_path)
                     .map_err(|error| user_error!("{}: {error}", ffmpeg::name_of(&video.place)))?;
                 let (description, frames) =
-                    VideoFrames::open(&programs, video, *encoding, config.frames)?;
+                    VideoFrames::open(&programs, video, *encoding, config.frames, stop)?;
                 let span = frames.span();
                 let process = frames.process();
                 let warning = frames.warning().map(str::to_owned);

@@ -16,6 +16,7 @@ use super::live::{Again, Announce, first_of, quoted, timeout};
 use super::probed::ProbedStream;
 use super::running::{Running, Watchdog};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
+use crate::interrupt::Stop;
 use crate::user_error::user_error;
 
 /// Formats without time stamps that ffmpeg recognises, and for which it assumes a frame rate.
@@ -59,6 +60,7 @@ impl VideoFrames {
         video: &VideoInput,
         encoding: Option<YuvEncoding>,
         range: FrameRange,
+        stop: &Stop,
     ) -> Result<(Description, Self)> {
         let input = &*name_of(&video.place);
         if range.limit == Some(0) {
@@ -74,7 +76,7 @@ impl VideoFrames {
         } else {
             let mut decode = programs.decode_live(video)?;
             let (stream, size_px) =
-                first_of(input, &mut decode, timeout(video), Announce::Waiting)?;
+                first_of(input, &mut decode, timeout(video), Announce::Waiting, stop)?;
             check_size(input, size_px)?;
             if stream.format_name == "mpjpeg" && video.settings.format.is_none() {
                 return Err(user_error!(

@@ -77,6 +77,27 @@ def test_a_recorded_board_gives_the_lens_that_calibrate_board_finds(studio, tmp_
     assert one.ask("state")["text"] == text
 
 
+def test_what_cannot_be_used_leaves_no_file_behind(studio, tmp_path):
+    count = recorded(tmp_path / "board")
+    # An inline table has no place for a lens.
+    inline = 'images = "board", world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]'
+    model = "model = { pinhole = { f_px = [300, 300], center_px = [319.5, 239.5] } }"
+    (tmp_path / "scene.toml").write_text(f"[cameras]\ncamera = {{ {inline}, {model} }}\n")
+    one = studio("scene.toml")
+    page = one.page
+    before = one.ask("state")["text"]
+    one.step("camera")
+    hold_up(page, 60)
+    expect(page.locator("#board-count")).to_contain_text(f"{count} views")
+    page.select_option("#board-model", "equidistant")
+    page.click("#fit-board")
+    page.click("#use-board")
+    expect(page.locator(".message.error")).to_contain_text("has no table of its own")
+    assert one.ask("state")["text"] == before
+    assert not (tmp_path / "camera.lens.toml").exists()
+    one.errors.clear()
+
+
 def test_a_board_before_a_live_camera_is_collected_while_the_picture_goes_on(studio, tmp_path, streams):
     # Each picture of a real camera stands still for most of a second, and jumps to the next.
     pictures = sorted(STEREO.glob("left*.jpg"))

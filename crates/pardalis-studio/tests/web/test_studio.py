@@ -92,7 +92,11 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
     page.keyboard.press("Enter")
     expect(page.locator("#labels li")).to_have_count(1)
     colors = (tmp_path / "ball.colors.toml").read_text()
-    # A box in its place, begun and ended with B.
+    # A box in the next frame, begun and ended with B.
+    page.locator("#frame-cam1").focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("[data-camera=cam1] .number-of-frame")).to_have_text("2 / 110")
+    page.locator("[data-camera=cam1] canvas").focus()
     for key, count in [("ArrowLeft", 20), ("ArrowUp", 18)]:
         for _ in range(count):
             page.keyboard.press(key)
@@ -101,6 +105,7 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
         for _ in range(count):
             page.keyboard.press(key)
     page.keyboard.press("b")
+    expect(page.locator("#labels li")).to_have_count(2)
     until(lambda: (tmp_path / "ball.colors.toml").read_text() != colors)
     page.keyboard.press("Alt+5")
     page.fill("#diameter-ball", "30")
@@ -552,21 +557,13 @@ def test_two_live_cameras_become_a_scene_in_25_clicks(studio, tmp_path, streams)
     for number, name in enumerate(names):
         if number > 0:
             page.click(f"#tab-{name}")
-        # In some moments of this sequence the outline of the ball is not clear enough; then people hold another one. All clicks count.
-        for _ in range(3):
-            page.click(f"#play-{name}")
-            expect(page.locator(f"#play-{name}")).to_contain_text("Go on")
-            page.mouse.click(*middle_of(page, name, PINK))
-            expect(page.locator("body:not(.busy)")).to_have_count(1)
-            if page.locator("#labels li").count() > number:
-                break
-            # The refusal is in the console, too.
-            one.errors.clear()
-            page.click(f"#play-{name}")
+        page.click(f"#play-{name}")
+        expect(page.locator(f"#play-{name}")).to_contain_text("Go on")
+        page.mouse.click(*middle_of(page, name, PINK))
         expect(page.locator("#labels li")).to_have_count(number + 1)
     # Targets: the diameter.
     one.step("targets")
-    page.click("#diameter-ball", click_count=3)
+    page.click("#diameter-ball")
     page.keyboard.type("7")
     page.keyboard.press("Enter")
     expect(page.locator("#step-targets .number")).to_have_text("✓")
@@ -581,7 +578,7 @@ def test_two_live_cameras_become_a_scene_in_25_clicks(studio, tmp_path, streams)
     expect(page.locator("#file")).to_have_text("scene.toml")
     clicks, typed = page.evaluate("[window.clicks, window.typed]")
     took_s = time.monotonic() - begun_s
-    assert clicks <= 25
+    assert clicks <= 19
     # The saved scene over the files themselves, against the truth: the bound of experiments/edge plus 20 %.
     scene = (tmp_path / "scene.toml").read_text()
     for name, camera, stream in zip(names, cameras, live):

@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import shutil
+import socket
 import tomllib
 
 import pytest
@@ -37,7 +38,14 @@ def desk(tmp_path):
 
 
 def poses(text):
-    return {name: camera["world_from_camera"] for name, camera in tomllib.loads(text)["cameras"].items()}
+    return {name: camera["world_from_camera"] for name, camera in tomllib.loads(text)["cameras"].items() if "world_from_camera" in camera}
+
+
+def seen_at(camera, place):
+    """Returns where a camera shows a place."""
+    rows = camera["T_world_from_camera"]
+    x, y, z = (sum(rows[k][i] * (place[k] - rows[k][3]) for k in range(3)) for i in range(3))
+    return [camera["fx"] * x / z + camera["cx"], camera["fy"] * y / z + camera["cy"]]
 
 
 def relative(matrices):
@@ -82,12 +90,8 @@ def test_recordings_give_the_scene_that_calibrate_rig_writes(studio, desk):
 def test_known_points_say_where_the_room_is(studio, desk):
     # Places on the desk, and where the first camera shows them.
     camera = truth()["cam1"]
-    rows = camera["T_world_from_camera"]
-    points = []
-    for place in [[0.3, 0.6, 0], [0.7, 0.6, 0], [0.7, 0.9, 0], [0.3, 0.9, 0]]:
-        x, y, z = (sum(rows[k][i] * (place[k] - rows[k][3]) for k in range(3)) for i in range(3))
-        pixel = [round(camera["fx"] * x / z + camera["cx"], 1), round(camera["fy"] * y / z + camera["cy"], 1)]
-        points.append({"at_px": pixel, "world_m": place})
+    places = [[0.3, 0.6, 0], [0.7, 0.6, 0], [0.7, 0.9, 0], [0.3, 0.9, 0]]
+    points = [{"at_px": [round(value, 1) for value in seen_at(camera, place)], "world_m": place} for place in places]
     lines = [f"cam1,{p['at_px'][0]},{p['at_px'][1]},{','.join(map(str, p['world_m']))}\n" for p in points]
     (desk / "points.csv").write_text("view,u_px,v_px,x_m,y_m,z_m\n" + "".join(lines))
     one = studio("desk.toml")
@@ -112,6 +116,38 @@ def test_known_points_say_where_the_room_is(studio, desk):
         # Clicks are right to a pixel or so of the screen.
         assert max(abs(a - b) for a, b in zip(at[0], at[1])) < 0.02, at
         assert max(abs(a - b) for a, b in zip(at[1], at[2])) < 0.02, at
+
+
+def test_points_of_the_next_camera_are_the_same_places(studio, desk):
+    one = studio("desk.toml")
+    page = one.page
+    page.evaluate("() => { window.clicks = 0; addEventListener('pointerdown', () => (window.clicks += 1), true); }")
+    places = [[0.4, 0.45, 0], [0.6, 0.45, 0], [0.6, 0.6, 0.25], [0.3, 0.4, 0.1], [0.5, 0.4, 0.25], [0.3, 0.5, 0.2]]
+    one.step("pose")
+    for camera, size in [("cam1", (320, 240)), ("cam2", (240, 320))]:
+        if camera == "cam2":
+            page.click("#tab-cam2")
+            expect(page.locator("#same-places")).to_contain_text("in the same order")
+        for place in places:
+            page.mouse.click(*one.at(camera, seen_at(truth()[camera], place), size))
+        if camera == "cam1":
+            # Typed from the first field on, with the tabulator between them.
+            page.click("#point-0-x")
+            for number in [number for place in places for number in place]:
+                page.keyboard.press("Control+a")
+                page.keyboard.type(str(number))
+                page.keyboard.press("Tab")
+                # Behind each point there is its button.
+                if page.evaluate("document.activeElement.tagName") == "BUTTON":
+                    page.keyboard.press("Tab")
+            page.click("#compute")
+        until(lambda: camera in poses(one.ask("state")["text"]))
+    # The step, six points each, the first field, the button of the first camera, and the tab of the second.
+    assert page.evaluate("window.clicks") == 16
+    found = poses(one.ask("state")["text"])
+    for name, camera in truth().items():
+        # Clicks are right to a pixel or so of the screen.
+        assert max(abs(row[3] - true[3]) for row, true in zip(found[name][:3], camera["T_world_from_camera"])) < 0.02, (name, found[name])
 
 
 def test_what_is_missing_is_said_with_the_way_there(studio, desk):
@@ -153,6 +189,22 @@ def test_what_is_missing_is_said_with_the_way_there(studio, desk):
     one.errors.clear()
 
 
+def test_a_camera_that_delivers_nothing_does_not_delay_cancelling(studio, desk, streams):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        silent.bind(("127.0.0.1", 0))
+        address = f"udp://127.0.0.1:{silent.getsockname()[1]}"
+    images = {"cam1": 'images = "frames/cam1"\nfps = 25', "cam2": f'video = "{address}"\ninput.timeout_s = 3600\nsize_px = [320, 240]'}
+    (desk / "silent.toml").write_text(scene(images))
+    one = studio("silent.toml")
+    one.ask("wave", {"target": "ball", "duration_s": 3600, "points": [], "board": None, "refine_focal": False})
+    one.step("pose")
+    one.page.select_option("#way", "ball")
+    one.page.click("#wave-cancel")
+    expect(one.page.locator("#wave")).to_be_enabled()
+    assert "wave the ball first" in one.ask("use_rig")["error"]
+    one.errors.clear()
+
+
 def test_live_cameras_are_calibrated_while_the_ball_is_waved(studio, desk, streams):
     frames = [SEQUENCE / f"frames/{name}/%06d.jpg" for name in truth()]
     addresses = streams("-framerate", "25", "-i", frames[0], "-framerate", "25", "-i", frames[1]).addresses
@@ -181,6 +233,45 @@ def test_live_cameras_are_calibrated_while_the_ball_is_waved(studio, desk, strea
     # The pictures are back.
     one.step("sources")
     expect(page.locator("figure .live")).to_have_count(2)
+
+
+def test_a_focal_length_that_was_guessed_is_refined(studio, tmp_path):
+    sequence = DATA / "webcams-four"
+    shutil.copytree(sequence / "frames", tmp_path / "frames")
+    shutil.copy(DATA / "colors/pink-ball.hsi.colors.toml", tmp_path / "ball.colors.toml")
+    one = studio()
+    page = one.page
+    true_px = [camera["fx"] for camera in json.loads((sequence / "cameras.json").read_text())["cameras"]]
+    for number in range(1, 5):
+        assert "error" not in one.ask("add_source", {"input": str(tmp_path / f"frames/cam{number}"), "fps": 25})
+    ball = '[targets.ball]\nshape.sphere.radius_m = 0.035\ncolors = "ball.colors.toml"\n'
+    one.ask("restore", {"text": one.ask("state")["text"] + ball})
+    # An angle of view for all, as somebody guesses it: the focal lengths are 7 % too short.
+    for name in [camera["name"] for camera in one.ask("state")["cameras"]]:
+        until(lambda: "error" not in one.ask("set_fov", {"camera": name, "fov_deg": 55}))
+    guessed = one.ask("state")["text"]
+    one.step("pose")
+    page.select_option("#way", "ball")
+    page.check("#wave-refine")
+    page.click("#wave")
+    page.click("#use-rig")
+    expect(page.locator("#step-pose .number")).to_have_text("✓")
+    found = tomllib.loads(one.ask("state")["text"])["cameras"]
+    # Those that the ball determines are right within three of the standard deviations that `calibrate rig` gives, and the others stay.
+    (tmp_path / "guessed.toml").write_text(guessed)
+    run("calibrate", "rig", "guessed.toml", "--refine-focal", folder=tmp_path)
+    refined = 0
+    for row, true in zip(csv.DictReader(open(tmp_path / "guessed-rig/cameras.csv")), true_px, strict=True):
+        before = tomllib.loads(guessed)["cameras"][row["camera"]]["model"]["pinhole"]["f_px"][0]
+        assert before < 0.94 * true
+        after = found[row["camera"]]["model"]["pinhole"]["f_px"][0]
+        if row["focal_refined"] == "1":
+            assert abs(after / true - 1) < 3 * float(row["focal_factor_sigma"]) < 0.04, row
+            refined += 1
+        else:
+            assert after == before
+    assert refined > 0
+    one.errors.clear()
 
 
 def test_a_calibration_file_with_poses_is_replaced_by_that_of_the_rig(studio, desk):

@@ -18,6 +18,18 @@ let board = "checkerboard:9x6:0.025";
 
 const pointsOf = (name) => points.get(name) ?? points.set(name, []).get(name);
 
+/** Returns the points of another camera, which are the same places as those of this one unless somebody says otherwise; an empty list if there are none. */
+const othersOf = (name) => [...points].find(([other, list]) => other !== name && list.length > 0)?.[1] ?? [];
+
+/** Adds a known point. With the last one whose place is known from another camera, the pose is. */
+function mark(app, name, at_px) {
+  const known = pointsOf(name);
+  const others = othersOf(name);
+  known.push({ at_px, world_m: [...(others[known.length]?.world_m ?? [0, 0, 0])] });
+  redrawn(app);
+  if (way === "points" && known.length >= 4 && known.length === others.length) compute(app, "set_pose", { points: known });
+}
+
 /** Asks for the floor as the camera shows it. */
 async function look(app, { name, has_pose: hasPose }, isGuess) {
   if (!hasPose && !isGuess) return;
@@ -127,6 +139,7 @@ function measure(app) {
 const WAYS_TO = {
   points: (app) => [
     el("p", {}, "Click at least four places in the picture that you have measured: corners of tiles or of a table. Type where they are in the room."),
+    othersOf(app.camera).length > 0 && el("p", { class: "none", id: "same-places" }, "Click the same places in the same order as in the other camera: they have its numbers already."),
     list(app),
   ],
   rectangle: (app) => {
@@ -163,7 +176,7 @@ export const pose = {
   hint: (app) => (way === "ball" ? "Where are the cameras? One waved ball tells it, and by how much their clocks differ." : app.camera ? `Where is ${app.camera}, and where does it look? The grid shows where the scene has the floor.` : "Add a camera first."),
   picture: (app, name) => ({
     help: "Arrows move a cross, Enter marks a known point.",
-    point: (way === "points" || way === "rectangle") && ((at_px) => { pointsOf(name).push({ at_px, world_m: [0, 0, 0] }); redrawn(app); }),
+    point: (way === "points" || way === "rectangle") && ((at_px) => mark(app, name, at_px)),
     draw: (context, px, about) => draw(context, px, name, about),
   }),
   pictureKey: () => way,

@@ -66,7 +66,7 @@ pub(super) fn labelled_balls(is_target: &[bool], width: usize) -> Vec<Circle> {
 }
 
 /// Returns the pixels of each connected part.
-pub(super) fn parts(is_target: &[bool], width: usize) -> Vec<Vec<(usize, usize)>> {
+fn parts(is_target: &[bool], width: usize) -> Vec<Vec<(usize, usize)>> {
     let mut is_left = is_target.to_vec();
     let mut parts = Vec::new();
     for first in 0..is_left.len() {
@@ -96,7 +96,7 @@ pub(super) fn parts(is_target: &[bool], width: usize) -> Vec<Vec<(usize, usize)>
 }
 
 /// Returns the circle with the centre and area of pixels, whatever their shape.
-pub(super) fn circle_of_area(part: &[(usize, usize)]) -> Circle {
+fn circle_of_area(part: &[(usize, usize)]) -> Circle {
     Circle {
         center_px: [mean(part, &|x, _| x), mean(part, &|_, y| y)],
         radius_px: (part.len() as f64 / std::f64::consts::PI).sqrt(),
@@ -110,7 +110,7 @@ fn mean(part: &[(usize, usize)], value: &dyn Fn(f64, f64) -> f64) -> f64 {
 
 /// Returns the circle of the pixels' area if they are round: nearly all lie within the ellipse that has their area and
 /// second moments.
-pub(super) fn circle_of(part: &[(usize, usize)]) -> Option<Circle> {
+fn circle_of(part: &[(usize, usize)]) -> Option<Circle> {
     let area = part.len() as f64;
     let mean = |value: &dyn Fn(f64, f64) -> f64| mean(part, value);
     let circle = circle_of_area(part);

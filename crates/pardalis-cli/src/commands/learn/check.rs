@@ -28,9 +28,10 @@ const MAX_LABEL_SHIFT: f64 = 0.15;
 /// What is found farther from the label, as a share of the radius, is not the labelled ball. Hand-set: labels are rarely off by a quarter.
 const MAX_FOUND_SHIFT: f64 = 0.5;
 
-/// The radius of what somebody pointed at, as a share of what was guessed there by its colour. Hand-set: guesses are off by a third at most.
+/// By how much a fitted outline may differ from a rough one in place and size, as a share of the radius, and at least in pixels. Hand-set: rough ones are off
+/// by a tenth, small ones by up to a pixel, and the thin ellipses of mirrors by a quarter.
 #[cfg(feature = "studio")]
-const POINTED_SIZE: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+const ROUGH: (f64, f64) = (0.3, 1.0);
 
 /// By how much outlines are too small that are fitted with the general soft edge, pixels. Origin: the mean over the training images and sequences of the
 /// bundled fisheye camera, in which balls darken towards their outline.
@@ -275,22 +276,24 @@ fn outline_at(tracker: &Tracker, shape: Shape, position_m: [f64; 3]) -> Option<F
     Circle::of_outline(&outline_px).map(|circle| Found { circle, outline_px })
 }
 
-/// Fits the outline of a ball of these colours near a circle that somebody pointed at, in a view that shows little else. Nothing need be certain, unlike for
-/// [`detect`]: somebody has said that the ball is there.
+/// Fits the outline of a ball of these colours near a rough outline of it, in a view that shows little else. Nothing need be certain, unlike for [`detect`]:
+/// somebody has said that the ball is there.
 #[cfg(feature = "studio")]
 pub(super) fn fit(
     frame: &Frame,
     model: &ColorModel,
-    around: &Circle,
+    rough: &Circle,
     view: View,
 ) -> Result<Option<Found>> {
     let (shape, tracker, target) = observed(frame, model, LearntEdge::Ignored, view)?;
     let candidates = tracker.candidates(target)?.flatten();
+    let allowed_px = (ROUGH.0 * rough.radius_px).max(ROUGH.1);
     let fits = candidates.filter_map(|candidate| {
         let found = outline_at(&tracker, shape, candidate.position_m?)?;
-        let is_there = around.radii_to(&found.circle) < 1.0;
-        let size = found.circle.radius_px / around.radius_px;
-        (is_there && POINTED_SIZE.contains(&size)).then_some((candidate.outline_nats?, found))
+        let off_px = rough.radii_to(&found.circle) * rough.radius_px;
+        let larger_px = found.circle.radius_px - rough.radius_px;
+        let is_it = off_px < allowed_px && larger_px.abs() < allowed_px;
+        is_it.then_some((candidate.outline_nats?, found))
     });
     let best = fits.max_by(|a, b| a.0.total_cmp(&b.0));
     Ok(best.map(|(_, found)| found.enlarged(TOO_SMALL_PX)))

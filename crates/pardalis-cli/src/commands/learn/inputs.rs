@@ -141,12 +141,17 @@ impl LabelledFile {
     /// Returns the view of the camera of a frame with the identity as pose; that of a typical pinhole camera if its lens is not known.
     pub(super) fn view(&self, frame: &Frame, mask: Option<Mask>) -> Result<View> {
         let size = (frame.width(), frame.height());
+        Ok(View::new(self.lens(frame)?, Pose::identity(), size, mask)?)
+    }
+
+    /// Returns the lens of the camera of a frame; that of a typical pinhole camera if it is not known.
+    pub(super) fn lens(&self, frame: &Frame) -> Result<Camera> {
+        let size = (frame.width(), frame.height());
         let focal_px = focal_length_px(size, TYPICAL_FOV_DEG);
-        let lens = match &self.lens {
+        Ok(match &self.lens {
             Some(lens) => lens.clone(),
             None => Pinhole::new([focal_px; 2], middle_px(size), &[])?.into(),
-        };
-        Ok(View::new(lens, Pose::identity(), size, mask)?)
+        })
     }
 
     /// Reads the image, and whether each pixel, row by row, shows the target.

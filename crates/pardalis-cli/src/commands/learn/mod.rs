@@ -2,9 +2,9 @@
 
 mod balls;
 mod check;
-mod evidence;
 #[cfg(feature = "studio")]
-mod grown;
+mod contrast;
+mod evidence;
 mod inputs;
 mod label;
 mod palette;

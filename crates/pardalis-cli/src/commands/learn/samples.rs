@@ -9,9 +9,9 @@ use pardalis_camera::{Camera, Mask};
 use pardalis_images::RgbImage;
 
 use super::balls::Circle;
-use super::check::{Check, LearntEdge, detect, fit};
+use super::check::{Check, fit};
+use super::contrast::{Search, ball_of_contrast};
 use super::evidence::Evidence;
-use super::grown::{rough_region, round_region};
 use super::inputs::LabelledFile;
 use super::label::Label;
 use crate::draw::picture::picture_of;
@@ -21,8 +21,6 @@ use crate::user_error::user_error;
 const SEARCHED_RADII: f64 = 2.0;
 /// The radius of what fills a box, as a share of half its sides. Hand-set: boxes are hardly drawn more roughly.
 const FILLED: std::ops::RangeInclusive<f64> = 0.6..=1.15;
-/// Corners of the outline of a circle.
-const CORNERS: usize = 48;
 /// Of 3 x 3 pixels, a majority.
 const MAJORITY: u8 = 5;
 /// The colour of pixels in the colours of the target.
@@ -71,70 +69,51 @@ pub(crate) fn outline_of(
     lens: Option<Camera>,
     pointed: Pointed,
 ) -> Result<Vec<[f64; 2]>> {
-    let (label, around) = match pointed {
+    let file = |label| {
+        let image = PathBuf::from("image");
+        LabelledFile::of_frame(image, (0, frame.clone()), lens.clone(), label)
+    };
+    let camera = file(Label::Polygon(Vec::new())).lens(frame)?;
+    let rough_px = match pointed {
         Pointed::At(at) => {
-            let circle = match round_region(frame, at) {
-                Some(circle) => circle,
-                None => certain_ball(frame, lens.clone(), at)?.ok_or_else(|| {
-                    user_error!(
-                        "there is nothing round of one colour at this place; drag a box around the whole target instead"
-                    )
-                })?,
-            };
-            (Label::Polygon(corners_of(&circle, frame)), circle)
+            ball_of_contrast(frame, &camera, &Search::around(frame, at)).ok_or_else(|| {
+                user_error!(
+                    "there is nothing round at this place that differs from what surrounds it; drag a box around the whole target instead"
+                )
+            })?
         }
         Pointed::Within(a, b) => {
-            let center_px = [0, 1].map(|axis| 0.5 * (a[axis] + b[axis]));
             let radius_px = 0.25 * ((a[0] - b[0]).abs() + (a[1] - b[1]).abs());
-            let boxed_circle = Circle {
-                center_px,
-                radius_px,
-            };
-            let fills_it = |circle: &Circle| {
-                let is_inside = boxed_circle.radii_to(circle) < 0.5;
-                is_inside && FILLED.contains(&(circle.radius_px / radius_px))
-            };
             // Boxes are drawn roughly, and what is beside the target in them is not to be learnt.
-            match round_region(frame, center_px).filter(fills_it) {
-                Some(circle) => (Label::Polygon(corners_of(&circle, frame)), circle),
-                None => (boxed(frame, a, b)?, boxed_circle),
+            let search = Search {
+                at: [0, 1].map(|axis| 0.5 * (a[axis] + b[axis])),
+                off_radii: 0.5,
+                radius_px: FILLED.start() * radius_px..=FILLED.end() * radius_px,
+            };
+            match ball_of_contrast(frame, &camera, &search) {
+                Some(outline_px) => outline_px,
+                None => box_of(frame, pointed)?,
             }
         }
     };
-    let outline = |label: Label| -> Result<Option<Vec<[f64; 2]>>> {
-        let image = PathBuf::from("image");
-        let file = LabelledFile::of_frame(image, (0, frame.clone()), lens.clone(), label);
-        let view = file.view(frame, Some(near(frame, &around)?))?;
+    // A label has no corners beyond the image.
+    let sides = [frame.width(), frame.height()].map(|side| side as f64);
+    let inside = |at: [f64; 2]| [0, 1].map(|axis| at[axis].clamp(0.0, sides[axis]));
+    let mut outline_px: Vec<[f64; 2]> = rough_px.into_iter().map(inside).collect();
+    let Some(rough) = Circle::of_outline(&outline_px) else {
+        return Ok(outline_px);
+    };
+    // Twice, the second time with the colours inside of what was found rather than those of a guess.
+    for _ in 0..2 {
+        let file = file(Label::Polygon(outline_px.clone()));
+        let view = file.view(frame, Some(near(frame, &rough)?))?;
         let model = Evidence::gather(&[file], Palette::HSI)?.model()?;
-        let found = fit(frame, &model, &around, view)?;
-        // A label has no corners beyond the image.
-        let sides = [frame.width(), frame.height()].map(|side| side as f64);
-        let inside = |at: [f64; 2]| [0, 1].map(|axis| at[axis].clamp(0.0, sides[axis]));
-        Ok(found.map(|found| found.outline_px.into_iter().map(inside).collect()))
-    };
-    let Some(rough_px) = outline(label)? else {
         // Its colours may be found, but not its edge, as of something small.
-        return Ok(corners_of(&around, frame));
-    };
-    // Once more, with the colours inside of what was found rather than those of a guess.
-    let better_px = outline(Label::Polygon(rough_px.clone()))?;
-    Ok(better_px.unwrap_or(rough_px))
-}
-
-/// Returns the ball at a pixel around which no region of one colour is round, if its outline leaves the detector no doubt.
-fn certain_ball(frame: &Frame, lens: Option<Camera>, at: [f64; 2]) -> Result<Option<Circle>> {
-    let Some(rough) = rough_region(frame, at) else {
-        return Ok(None);
-    };
-    let label = Label::Polygon(corners_of(&rough, frame));
-    let file = LabelledFile::of_frame(PathBuf::from("image"), (0, frame.clone()), lens, label);
-    let view = file.view(frame, Some(near(frame, &rough)?))?;
-    let model = Evidence::gather(&[file], Palette::HSI)?.model()?;
-    let found = detect(frame, &model, LearntEdge::Ignored, view)?;
-    Ok(found.map(|found| found.circle).filter(|circle| {
-        let [u, v] = [0, 1].map(|axis| at[axis] - circle.center_px[axis]);
-        libm::hypot(u, v) < circle.radius_px
-    }))
+        if let Some(found) = fit(frame, &model, &rough, view)? {
+            outline_px = found.outline_px.into_iter().map(inside).collect();
+        }
+    }
+    Ok(outline_px)
 }
 
 /// Returns the corners of the box in which something that is no ball was pointed at.
@@ -237,20 +216,6 @@ fn near(frame: &Frame, circle: &Circle) -> Result<Mask> {
     Ok(Mask::from_grey(width, height, &grey)?)
 }
 
-/// Returns the corners of a circle, as far as it lies in the image.
-fn corners_of(circle: &Circle, frame: &Frame) -> Vec<[f64; 2]> {
-    let sides = [frame.width(), frame.height()].map(|side| side as f64);
-    let corner = |number: usize| {
-        let angle = std::f64::consts::TAU * number as f64 / CORNERS as f64;
-        let (sin, cos) = libm::sincos(angle);
-        [(0, cos), (1, sin)].map(|(axis, direction)| {
-            let at: f64 = circle.center_px[axis] + circle.radius_px * direction;
-            at.clamp(0.0, sides[axis])
-        })
-    };
-    (0..CORNERS).map(corner).collect()
-}
-
 /// Returns a box as a label.
 fn boxed(frame: &Frame, a: [f64; 2], b: [f64; 2]) -> Result<Label> {
     let sides = [frame.width(), frame.height()];
@@ -289,12 +254,22 @@ mod tests {
         (102, [213.7, 74.7], 5.32),
     ];
 
+    /// The same of a bundled mirror.
+    const MIRROR: [(usize, [f64; 2], f64); 2] =
+        [(0, [192.4, 177.8], 10.3), (12, [235.2, 175.2], 9.1)];
+
+    /// The same of a bundled webcam.
+    const WEBCAM: [(usize, [f64; 2], f64); 6] = [
+        (6, [159.5, 141.1], 25.3),
+        (51, [159.5, 141.1], 25.3),
+        (69, [166.5, 139.4], 25.5),
+        (114, [171.8, 83.0], 20.9),
+        (147, [114.7, 167.1], 32.0),
+        (153, [154.5, 167.9], 30.4),
+    ];
+
     fn frame(number: usize) -> Frame {
-        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data");
-        let file = format!("{root}/dioptric-jump/frames/{number:06}.jpg");
-        let image = decode_image(file.as_ref()).unwrap();
-        let (width, height) = image.size_px();
-        Frame::from_rgb(width, height, image.into_raw(), 0.0).unwrap()
+        bundled(&format!("dioptric-jump/frames/{number:06}.jpg"))
     }
 
     #[test]
@@ -329,24 +304,54 @@ mod tests {
         assert!(mean_px.abs() < 0.06, "{mean_px}");
     }
 
-    /// In these frames of a bundled webcam, the ball has a highlight and is reflected by the table.
+    /// Reads a frame of a bundled sequence.
+    fn bundled(file: &str) -> Frame {
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data");
+        let image = decode_image(format!("{root}/{file}").as_ref()).unwrap();
+        let (width, height) = image.size_px();
+        Frame::from_rgb(width, height, image.into_raw(), 0.0).unwrap()
+    }
+
+    /// In these frames of a bundled webcam, the ball has a highlight, is reflected by the table, and is before books of many colours.
     #[test]
     fn a_click_gives_the_ball_where_no_colour_is_round() {
-        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/webcams-two");
         // From truth.csv and cameras.json.
-        for (number, [u, v], r) in [(6, [159.5, 141.0], 25.3), (114, [171.8, 83.1], 20.9)] {
-            let file = format!("{root}/frames/cam1/{number:06}.jpg");
-            let image = decode_image(file.as_ref()).unwrap();
-            let (width, height) = image.size_px();
-            let frame = Frame::from_rgb(width, height, image.into_raw(), 0.0).unwrap();
-            let at = [u + 3.0, v - 2.0];
-            assert!(round_region(&frame, at).is_none(), "{number}");
-            let outline = outline_of(&frame, None, Pointed::At(at)).unwrap();
+        for (number, [u, v], r) in WEBCAM {
+            let frame = bundled(&format!("webcams-two/frames/cam1/{number:06}.jpg"));
+            for [du, dv] in [
+                [0.1, -0.1],
+                [0.3, 0.0],
+                [-0.3, 0.0],
+                [0.0, 0.3],
+                [0.0, -0.3],
+            ] {
+                let at = [u + du * r, v + dv * r];
+                let outline = outline_of(&frame, None, Pointed::At(at)).unwrap();
+                let found = Circle::of_outline(&outline).unwrap();
+                let off_px = libm::hypot(found.center_px[0] - u, found.center_px[1] - v);
+                assert!(off_px < 0.06 * r, "{number} {at:?}: {found:?}");
+                let size = found.radius_px / r;
+                assert!((0.94..1.06).contains(&size), "{number} {at:?}: {found:?}");
+            }
+        }
+    }
+
+    /// A mirror shows the ball as an ellipse whose axes are as 1 to 3.
+    #[test]
+    fn a_click_gives_the_outline_in_a_mirror() {
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data");
+        let file = format!("{root}/catadioptric-bounce/camera.json");
+        let cameras = crate::scene_files::read_calibration(std::path::Path::new(""), &file, None);
+        let lens = &cameras.unwrap()[0].camera;
+        // From truth.csv and camera.json.
+        for (number, [u, v], r) in MIRROR {
+            let frame = bundled(&format!("catadioptric-bounce/frames/{number:06}.jpg"));
+            let at = [u + 0.2 * r, v - 0.1 * r];
+            let outline = outline_of(&frame, Some(lens.clone()), Pointed::At(at)).unwrap();
             let found = Circle::of_outline(&outline).unwrap();
             let off_px = libm::hypot(found.center_px[0] - u, found.center_px[1] - v);
-            assert!(off_px < 1.2, "{number}: {found:?}");
-            let size = found.radius_px / r;
-            assert!((0.95..1.05).contains(&size), "{number}: {found:?}");
+            assert!(off_px < 0.8, "{number}: {found:?}");
+            assert!((found.radius_px - r).abs() < 0.6, "{number}: {found:?}");
         }
     }
 }

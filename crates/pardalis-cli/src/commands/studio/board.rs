@@ -17,7 +17,6 @@ use crate::board::parse_words;
 use crate::commands::calibrate::held::calibrate;
 use crate::commands::init::text::{Calibration, CameraText};
 use crate::draw::picture::picture_of;
-use crate::files::write_file;
 use crate::interrupt::Stop;
 use crate::user_error::user_error;
 
@@ -174,14 +173,13 @@ impl Session {
         CameraText::known(&camera, calibration, &opened, "", None)
             .named(name.clone())
             .text(&mut table);
-        // The scene is read with it before it is edited.
-        write_file(&file, text.as_bytes())?;
-        self.edit(
+        let what = format!("{named} for {name}");
+        self.edit_with_file(
             &format!("cameras.{name}"),
-            format!("{named} for {name}"),
+            what,
+            (file.clone(), text),
             |state| {
                 state.text = with_lens(&state.text, &name, &table)?.into();
-                state.files.insert(file.clone(), text.into());
                 Ok(())
             },
         )

@@ -176,9 +176,7 @@ impl Drop for Player {
     fn drop(&mut self) {
         self.shared.stop.request();
         self.shared.ordered.notify_all();
-        // A camera that has failed is free, and opening it again can take long.
-        let has_failed = self.shared.seen().error.is_some();
-        if let Some(thread) = self.thread.take().filter(|_| !has_failed) {
+        if let Some(thread) = self.thread.take() {
             // The camera is free once the thread has ended; a panic has been reported.
             let _ = thread.join();
         }
@@ -266,7 +264,7 @@ impl Shared {
     fn play(&self, config: &SourceConfig, open: Option<Source>) -> Result<()> {
         let source = match open {
             Some(source) => source,
-            None => Source::open(config)?,
+            None => Source::open_until(config, &self.stop)?,
         };
         self.see(&source);
         self.seen().error = None;

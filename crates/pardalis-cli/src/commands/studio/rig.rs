@@ -9,13 +9,13 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::pose::KnownPoints;
+use super::project::State;
 use super::session::Session;
 use super::waved::{OfCamera, Seen, Waved, lock};
 use crate::board::parse_words;
 use crate::commands::calibrate::rig::{CalibratedRig, Known, Task};
 use crate::commands::calibrate::time::detect::Until;
 use crate::draw::picture::{jpeg_of, picture_of};
-use crate::files::write_file;
 use crate::interrupt::Stop;
 use crate::timing::now_s;
 use crate::user_error::user_error;
@@ -111,7 +111,10 @@ impl Session {
             .name("rig".to_owned())
             .spawn(move || work.run())
             .context("no further thread can be started")?;
+        // Frames may be long in coming.
+        let about = lock(&shared).about();
         inner.waved = Some(Waved { shared, stop });
+        self.feed.show("rig", &about);
         Ok(())
     }
 
@@ -153,23 +156,21 @@ impl Session {
         let rig_text = rig.rig_text();
         drop(seen);
         let needs_file = text.contains(&*named);
-        if needs_file {
-            let is_own = self.inner().project.now().files.contains_key(&file);
-            if file.exists() && !is_own {
-                return Err(user_error!(
-                    "{named}: exists already; rename it to keep it, and try again"
-                ));
-            }
-            // The scene is read with it before it is edited.
-            write_file(&file, rig_text.as_bytes())?;
-        }
-        self.edit("cameras", "poses from the ball".to_owned(), |state| {
+        let what = "poses from the ball".to_owned();
+        let change = |state: &mut State| {
             state.text = text.into();
-            if needs_file {
-                state.files.insert(file, rig_text.into());
-            }
             Ok(())
-        })
+        };
+        if !needs_file {
+            return self.edit("cameras", what, change);
+        }
+        let is_own = self.inner().project.now().files.contains_key(&file);
+        if file.exists() && !is_own {
+            return Err(user_error!(
+                "{named}: exists already; rename it to keep it, and try again"
+            ));
+        }
+        self.edit_with_file("cameras", what, (file, rig_text), change)
     }
 }
 

@@ -1,6 +1,8 @@
 //! The session: a project, the pictures of its cameras and a run.
 
 use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use anyhow::Result;
@@ -15,6 +17,7 @@ use super::replay::Replayed;
 use super::running::Running;
 use super::waved::Waved;
 use crate::commands::learn::samples::Learnt;
+use crate::files::{unwritable, write_file};
 use crate::output::warn;
 use crate::scene::{self, Parts};
 use crate::source::{Source, SourceConfig};
@@ -119,6 +122,30 @@ impl Session {
         drop(inner);
         self.changed();
         Ok(())
+    }
+
+    /// Writes a file that is new or was written here, without which the edited scene cannot be read, and edits. If that fails, the file is as before.
+    pub(super) fn edit_with_file(
+        &self,
+        key: &str,
+        what: String,
+        (file, text): (PathBuf, String),
+        change: impl FnOnce(&mut State) -> Result<()>,
+    ) -> Result<()> {
+        let before = self.inner().project.now().files.get(&file).cloned();
+        write_file(&file, text.as_bytes())?;
+        let done = self.edit(key, what, |state| {
+            change(state)?;
+            state.files.insert(file.clone(), text.into());
+            Ok(())
+        });
+        if done.is_err() {
+            match before {
+                Some(text) => write_file(&file, text.as_bytes())?,
+                None => fs::remove_file(&file).map_err(|error| unwritable(&file, error))?,
+            }
+        }
+        done
     }
 
     /// Goes to the text of a scene that a page has kept while the program was started anew, whatever its problems.

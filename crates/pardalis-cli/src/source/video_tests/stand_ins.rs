@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use super::*;
+use crate::interrupt::Stop;
 use crate::source::Clock;
 
 /// Creates programs that replace ffmpeg's: the second runs the shell script.
@@ -50,6 +51,7 @@ fn read_with(script: &str) -> Option<(Vec<f64>, Option<String>, Counters)> {
         &VideoInput::of_path(&path),
         None,
         FrameRange::ALL,
+        &Stop::default(),
     )
     .expect("opens");
     let process = frames.process();

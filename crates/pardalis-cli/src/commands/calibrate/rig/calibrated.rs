@@ -59,7 +59,7 @@ impl CalibratedRig {
         let number = target(path, &read, task.target)?;
         let ball = ball(path, &read, number)?;
         let alignment = Alignment::known(&task.known, &read)?;
-        let mut open = scene::open(path, read, None, &[])?;
+        let mut open = scene::open_until(path, read, None, &[], &task.until.stop)?;
         let alignment = match &task.known {
             Known::Board(board) => Alignment::on_board(&mut open.sources, board)?,
             _ => alignment,
