@@ -269,7 +269,7 @@ fn boxes_beside_colours_leave_the_place_to_the_edges() {
     assert!(!alone.contains("detect"), "{alone}");
     let off_m = |scene: &str| {
         place
-            .track_with(scene.to_owned(), &["-o", "out", "--no-plots", "--explain"])
+            .track_with(scene, &["-o", "out", "--no-plots", "--explain"])
             .fine();
         let rows = place.rows();
         let off_m = rows.iter().zip(truth_m()).map(|(row, truth_m)| {

@@ -3,6 +3,7 @@
 //! There are three ways to track a target, with separate types ([`BodySettings`]): *detected* targets are found by the
 //! tracker itself, *initialised* ones are tracked by the published cues from a given start, and *boxed* ones are found by another program.
 
+mod box_model;
 mod boxed;
 mod builder;
 mod camera_agreement;

@@ -1,22 +1,14 @@
 //! A body that another program detects: boxes in images in, a position with its uncertainty out. Images and colours are not needed.
-//!
-//! A detector misses the body now and then and reports others: each box is the body's, somebody else's or clutter. The likelihood of all boxes of an image, given where the body is, is
-//! that of a Bernoulli filter (Ristic, Vo, Vo and Farina 2013, "A tutorial on Bernoulli filters", eq. 28):
-//! 1 − p + p·Σ g(box | position)/λc(box), with the probability of detection p, λ false boxes per image and their density c.
 
-mod body_box;
-mod fit;
 mod member;
 mod proposal;
-mod sight;
-#[cfg(test)]
-mod tests;
 mod update;
 
 use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::box_model::{Body, Fit, Sight};
 use super::candidate::Candidate;
 use super::detected::{LookAlikes, Visibility};
 use super::existence::ExistenceSettings;
@@ -27,15 +19,11 @@ use super::track::{Instant, Track, mean_log_ratio};
 use super::{BodyMeasurement, Estimate, TrackState};
 use crate::tuning::ExistenceTuning;
 use crate::view::View;
-pub(super) use fit::Body;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::GaussianStart;
-use sight::Fit;
-pub(super) use sight::Sight;
-pub(super) use update::log_ratio;
 
 /// Before the first frames a body may have appeared for this long, seconds. Hand-set: a frame or two, so that no single box is believed.
 const FIRST_S: f64 = 0.05;

@@ -2,9 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::fit::Body;
-use super::sight::{Fit, Sight, clipped, sigma_px};
 use super::{BoxedTarget, Buffers, Meeting, upper};
+use crate::tracker::box_model::{Body, Fit, Sight, clipped, sigma_px};
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tracker::detected::{LookAlikes, assigned_nats};
 use crate::tracker::track::Instant;

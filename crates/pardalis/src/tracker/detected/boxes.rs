@@ -4,7 +4,7 @@
 use crate::likelihood::edge::{EdgeFrame, SizePrior};
 use crate::shape::Shape;
 use crate::tracker::CameraId;
-use crate::tracker::boxed::{Body, Sight, log_ratio};
+use crate::tracker::box_model::{Body, Sight, log_ratio};
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tracker::settings::DetectorSettings;
 use crate::tracker::track::Instant;

@@ -320,15 +320,10 @@ impl DetectedTarget {
                 .and_then(|heading| heading.prior(&self.tuning.heading)),
             is_challenged: self.challenge.is_open(),
         };
-        if let Some(boxes) = &mut self.boxes {
-            boxes.see(instant);
-        }
-        self.detector.detect(
-            (&mut self.edge, &frames),
-            &predicted,
-            self.boxes.as_ref(),
-            &mut candidates,
-        );
+        let edge = (&mut self.edge, &frames[..]);
+        let boxes = self.boxes.as_ref();
+        self.detector
+            .detect(edge, &predicted, boxes, &mut candidates);
         let detections = self.detector.detections();
 
         self.associate(
@@ -338,12 +333,9 @@ impl DetectedTarget {
             &mut candidates,
         );
 
-        for frame in &frames {
-            let rates = &self.existence.occlusion;
-            let visibility = &mut self.visibilities[frame.camera()];
-            let visibility = visibility.get_or_insert(Visibility::new(rates, time_s));
-            visibility.predict(rates, time_s);
-        }
+        let cameras = frames.iter().map(EdgeFrame::camera);
+        let rates = &self.existence.occlusion;
+        Visibility::predict_in(&mut self.visibilities, cameras, rates, time_s);
         let measurement = Measurement {
             frames: &frames,
             detections,
@@ -423,13 +415,16 @@ impl DetectedTarget {
         Some((known.position_m, known.velocity_mps?))
     }
 
-    /// Prepares the colour posterior and the outlines of look-alikes in each camera's image.
+    /// Prepares the colour posterior, the outlines of look-alikes and what another program found in each camera's image.
     fn prepare_images(
         &mut self,
         instant: &Instant,
         statistics: &mut [ImageStatistics],
         look_alikes: &LookAlikes,
     ) {
+        if let Some(boxes) = &mut self.boxes {
+            boxes.see(instant);
+        }
         for (camera, frame) in instant.frames {
             let prepared = instant.views[*camera].prepared(frame);
             let correction = self.adaptations[*camera].correction(PixelKind::of(frame));

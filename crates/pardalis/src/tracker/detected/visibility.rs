@@ -16,7 +16,7 @@ pub(in crate::tracker) struct Visibility {
 
 impl Visibility {
     /// That of a camera without any frame before this time.
-    pub(in crate::tracker) fn new(rates: &OcclusionRates, time_s: f64) -> Self {
+    fn new(rates: &OcclusionRates, time_s: f64) -> Self {
         Self {
             visible: rates.stationary(),
             time_s,
@@ -24,12 +24,25 @@ impl Visibility {
     }
 
     /// Predicts to a later time, in seconds.
-    pub(in crate::tracker) fn predict(&mut self, rates: &OcclusionRates, time_s: f64) {
+    fn predict(&mut self, rates: &OcclusionRates, time_s: f64) {
         let both_hz = rates.occlusion_hz + rates.reappearance_hz;
         let stationary = rates.stationary();
         let kept = libm::exp(-both_hz * (time_s - self.time_s).max(0.0));
         self.visible = stationary + (self.visible - stationary) * kept;
         self.time_s = time_s;
+    }
+
+    /// Predicts those in these cameras, of all, to a later time, in seconds.
+    pub(in crate::tracker) fn predict_in(
+        all: &mut [Option<Self>],
+        cameras: impl Iterator<Item = usize>,
+        rates: &OcclusionRates,
+        time_s: f64,
+    ) {
+        for camera in cameras {
+            let visibility = all[camera].get_or_insert(Self::new(rates, time_s));
+            visibility.predict(rates, time_s);
+        }
     }
 
     /// The log-likelihood ratio of a frame, given that of the visible target: the frame of an occluded target says nothing.

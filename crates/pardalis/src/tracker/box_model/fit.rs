@@ -22,9 +22,9 @@ const FARTHEST_DIAMETERS: f64 = 1e4;
 #[derive(Debug, Clone)]
 pub(in crate::tracker) struct Body {
     pub(in crate::tracker) outline: BodyBox,
-    pub(super) diameter_m: f64,
+    pub(in crate::tracker) diameter_m: f64,
     /// The height of a body that stays on the ground, metres.
-    pub(super) ground_z_m: Option<f64>,
+    pub(in crate::tracker) ground_z_m: Option<f64>,
 }
 
 /// The sum of squares at a position, with its derivatives.
@@ -49,7 +49,7 @@ impl Body {
     }
 
     /// Fits the position to boxes of one body, each in its camera's image. `None` if it would be out of the images, or there is no such position.
-    pub(super) fn fit<'s>(
+    pub(in crate::tracker) fn fit<'s>(
         &self,
         views: &[View],
         sights: impl Iterator<Item = &'s Sight> + Clone,
@@ -176,7 +176,7 @@ impl Body {
     }
 
     /// How far away, metres, the body's box in the middle of a camera's image has this size, in pixels; `None` if the image shows nothing there.
-    pub(super) fn reach_m(&self, view: &View, size_px: f64) -> Option<f64> {
+    pub(in crate::tracker) fn reach_m(&self, view: &View, size_px: f64) -> Option<f64> {
         let (width, height) = view.size();
         let middle = [width, height].map(|side| 0.5 * (side as f64 - 1.0));
         let is_larger = |[u0, v0, u1, v1]: [f64; 4]| (u1 - u0) * (v1 - v0) > size_px * size_px;
@@ -223,7 +223,7 @@ impl Body {
     }
 
     /// Returns ln √|2πΣ| of a covariance Σ, in m³, or in m² on the ground.
-    pub(super) fn log_volume(&self, covariance_m2: &Matrix3<f64>) -> f64 {
+    pub(in crate::tracker) fn log_volume(&self, covariance_m2: &Matrix3<f64>) -> f64 {
         let (axes, determinant) = if self.ground_z_m.is_some() {
             (2.0, covariance_m2.fixed_view::<2, 2>(0, 0).determinant())
         } else {

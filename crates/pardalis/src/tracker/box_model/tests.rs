@@ -4,8 +4,11 @@ use super::body_box::BodyBox;
 use super::*;
 use crate::reference::boxes_log_ratio;
 use crate::shape::{Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
-use crate::tracker::ImageBox;
+use crate::tracker::{DetectorSettings, ImageBox};
+use crate::view::View;
+use nalgebra::{Matrix3, Vector3};
 use pardalis_camera::{Camera, Equidistant, Pinhole, looking_at};
+use pardalis_core::rng::Draws;
 
 fn view(camera: impl Into<Camera>) -> View {
     let [from_m, at_m] = [[0.0, -3.0, 2.0], [0.0, 0.0, 0.5]].map(Vector3::from);

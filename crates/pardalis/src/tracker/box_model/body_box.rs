@@ -32,7 +32,7 @@ enum Points {
 }
 
 impl BodyBox {
-    pub(super) fn new(shape: &Shape) -> Self {
+    pub(in crate::tracker) fn new(shape: &Shape) -> Self {
         let around = std::array::from_fn(|i| {
             let angle = i as f64 / AROUND as f64 * std::f64::consts::TAU;
             let (sin, cos) = libm::sincos(angle);
@@ -63,13 +63,13 @@ impl BodyBox {
     }
 
     /// The height of the body's middle above its position, metres.
-    pub(super) fn middle_m(&self) -> f64 {
+    pub(in crate::tracker) fn middle_m(&self) -> f64 {
         self.middle_m
     }
 
     /// Returns the left, top, right and bottom side of the box around the body at a position (metres), larger than its description by a factor, in pixels. It may lie
     /// outside of the image. `None` if a part of the body has no pixel.
-    pub(super) fn sides_px(
+    pub(in crate::tracker) fn sides_px(
         &self,
         view: &View,
         position_m: [f64; 3],

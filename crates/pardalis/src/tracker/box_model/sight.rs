@@ -27,15 +27,15 @@ const MAX_ODDS: f64 = 19.0;
 pub(in crate::tracker) struct Sight {
     pub(in crate::tracker) camera: usize,
     /// Left, top, right and bottom side, pixels, within the image.
-    pub(super) sides_px: [f64; 4],
+    pub(in crate::tracker) sides_px: [f64; 4],
     /// Whether the border of the image may cut off a part of its width and of its height.
     is_cut: [bool; 2],
     /// The standard deviation of each side, pixels.
-    pub(super) sigma_px: f64,
+    pub(in crate::tracker) sigma_px: f64,
     /// By how much it is likelier a body than its place and size say, nats.
-    pub(super) log_odds: f64,
+    pub(in crate::tracker) log_odds: f64,
     /// The logarithm of the density of clutter there, 1/px⁴.
-    pub(super) log_clutter: f64,
+    pub(in crate::tracker) log_clutter: f64,
     /// The position that it measures.
     pub(in crate::tracker) fit: Option<Fit>,
     /// By how many nats it is less likely this body's because it may be another's.
@@ -50,15 +50,18 @@ pub(in crate::tracker) struct Fit {
     /// Metres.
     pub(in crate::tracker) position_m: Vector3<f64>,
     /// Square metres; on the ground without the vertical.
-    pub(super) covariance_m2: Matrix3<f64>,
+    pub(in crate::tracker) covariance_m2: Matrix3<f64>,
     /// How far it moves if the boxes are larger by a factor of e, metres.
-    pub(super) drift_m: Vector3<f64>,
+    pub(in crate::tracker) drift_m: Vector3<f64>,
     /// The sum of squares of what is left between boxes and outlines, in standard deviations.
-    pub(super) squares: f64,
+    pub(in crate::tracker) squares: f64,
 }
 
 /// The ray through a pixel, in the world: origin (metres) and direction.
-pub(super) fn ray_through(view: &View, pixel: [f64; 2]) -> Option<(Point3<f64>, Vector3<f64>)> {
+pub(in crate::tracker) fn ray_through(
+    view: &View,
+    pixel: [f64; 2],
+) -> Option<(Point3<f64>, Vector3<f64>)> {
     let ray = view.camera().unproject(pixel)?;
     let pose = view.world_from_camera();
     Some((
@@ -68,7 +71,7 @@ pub(super) fn ray_through(view: &View, pixel: [f64; 2]) -> Option<(Point3<f64>, 
 }
 
 /// Sides of a box, within the image.
-pub(super) fn clipped(sides_px: [f64; 4], (width, height): (usize, usize)) -> [f64; 4] {
+pub(in crate::tracker) fn clipped(sides_px: [f64; 4], (width, height): (usize, usize)) -> [f64; 4] {
     let [right, bottom] = [width, height].map(|side| side as f64 - 0.5);
     let [u0, v0, u1, v1] = sides_px;
     [
@@ -80,13 +83,13 @@ pub(super) fn clipped(sides_px: [f64; 4], (width, height): (usize, usize)) -> [f
 }
 
 /// The standard deviation of each side of a box, pixels.
-pub(super) fn sigma_px([u0, v0, u1, v1]: [f64; 4], settings: &DetectorSettings) -> f64 {
+pub(in crate::tracker) fn sigma_px([u0, v0, u1, v1]: [f64; 4], settings: &DetectorSettings) -> f64 {
     let size_px = libm::sqrt((u1 - u0) * (v1 - v0));
     libm::hypot(LEAST_SIGMA_PX, settings.side_sigma * size_px)
 }
 
 /// The share of a box that lies within the image.
-pub(super) fn share_within(sides_px: [f64; 4], size: (usize, usize)) -> f64 {
+pub(in crate::tracker) fn share_within(sides_px: [f64; 4], size: (usize, usize)) -> f64 {
     let area = |[u0, v0, u1, v1]: [f64; 4]| (u1 - u0) * (v1 - v0);
     area(clipped(sides_px, size)) / area(sides_px)
 }
@@ -133,7 +136,7 @@ impl Sight {
     }
 
     /// The ray through its middle, in the world: origin (metres) and direction.
-    pub(super) fn ray(&self, view: &View) -> Option<(Point3<f64>, Vector3<f64>)> {
+    pub(in crate::tracker) fn ray(&self, view: &View) -> Option<(Point3<f64>, Vector3<f64>)> {
         let [u0, v0, u1, v1] = self.sides_px;
         let ray = view
             .camera()
@@ -162,12 +165,12 @@ impl Sight {
     }
 
     /// By how many nats the box is less likely this body's because it may be another's.
-    pub(super) fn assigned(&self) -> f64 {
+    pub(in crate::tracker) fn assigned(&self) -> f64 {
         self.assigned
     }
 
     /// The size of a box, pixels: of this one and those compared with it. A side that the image's border cuts off does not count.
-    pub(super) fn size_px(&self, [u0, v0, u1, v1]: [f64; 4]) -> f64 {
+    pub(in crate::tracker) fn size_px(&self, [u0, v0, u1, v1]: [f64; 4]) -> f64 {
         let [width, height] = [u1 - u0, v1 - v0];
         match self.is_cut {
             [true, false] => height,
@@ -177,7 +180,7 @@ impl Sight {
     }
 
     /// How much likelier this box is that of a body, whose own is clipped to the image and has sides of this standard deviation (pixels), than clutter.
-    pub(super) fn ratio(&self, body_px: [f64; 4], sigma_px: f64) -> f64 {
+    pub(in crate::tracker) fn ratio(&self, body_px: [f64; 4], sigma_px: f64) -> f64 {
         let mut density = 1.0;
         for (side, body) in self.sides_px.into_iter().zip(body_px) {
             density *= side_density((side - body) / sigma_px) / sigma_px;
@@ -189,13 +192,13 @@ impl Sight {
     }
 
     /// Notes by how many nats the box is less likely this body's because it may be another's.
-    pub(super) fn assign(&mut self, nats: f64) {
+    pub(in crate::tracker) fn assign(&mut self, nats: f64) {
         self.likeness = libm::exp(self.log_odds - self.log_clutter - nats);
         self.assigned = nats;
     }
 
     /// The logarithm of the greatest ratio at any position, given what a fit leaves (squared standard deviations), and what is assigned to others.
-    pub(super) fn log_peak(&self, squares: f64) -> f64 {
+    pub(in crate::tracker) fn log_peak(&self, squares: f64) -> f64 {
         let log_density = -0.5 * squares - 2.0 * LOG_TAU - 4.0 * libm::log(self.sigma_px);
         self.log_odds - self.log_clutter - self.assigned + log_density
     }
