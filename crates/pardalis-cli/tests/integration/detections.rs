@@ -292,7 +292,7 @@ fn boxes_beside_colours_leave_the_place_to_the_edges() {
         "{states:?}"
     );
     let wanted = "the detector has no box there (no-box): check detector.class";
-    assert!(run.stderr.contains(wanted), "{}", run.stderr);
+    assert!(run.stdout.contains(wanted), "{}", run.stdout);
 }
 
 #[test]
