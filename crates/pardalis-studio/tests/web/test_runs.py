@@ -79,6 +79,15 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
     expect(page.locator("#replay .number-of-frame")).to_have_text(re.compile(r"^[1-9]\d? / 110"))
     page.click("#replay-play")
     expect(page.locator("#replay-play")).to_contain_text("Replay")
+    # From where the bar stands, whatever frame another step has shown.
+    replay_at(page, 100)
+    one.step("targets")
+    one.step("track")
+    expect(page.locator("#replay .number-of-frame")).to_have_text("110 / 110")
+    page.click("#replay-play")
+    expect(page.locator("#replay .number-of-frame")).to_have_text(re.compile(r"^[1-9]\d? / 110"))
+    page.click("#replay-play")
+    expect(page.locator("#replay-play")).to_contain_text("Replay")
     # And by keys.
     page.locator("#replay-frame").focus()
     page.keyboard.press("Home")

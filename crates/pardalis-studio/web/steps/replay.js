@@ -22,10 +22,13 @@ function goTo(app, frame, more = {}) {
   return Promise.all(app.state.cameras.map(({ name, source }) => ask("show", { camera: name, frame: Math.round(share * (source.frame_count - 1)), is_playing: false, ...more })));
 }
 
-function play(app, is) {
-  const frame = now(app).frame + 1 >= longest(app).source.frame_count ? 0 : null;
-  if (is && frame === 0) return goTo(app, 0, { is_playing: true });
-  return Promise.all(app.state.cameras.map(({ name }) => ask("show", { camera: name, is_playing: is })));
+/** Plays from the frame that the bar shows, or from the first at its end. */
+function play(app, from) {
+  return goTo(app, from + 1 >= longest(app).source.frame_count ? 0 : from, { is_playing: true });
+}
+
+function pause(app) {
+  return Promise.all(app.state.cameras.map(({ name }) => ask("show", { camera: name, is_playing: false })));
 }
 
 function now(app) {
@@ -40,7 +43,11 @@ export function replayBar(app, begin) {
     type: "range", id: "replay-frame", min: 0, max: count - 1, value: count - 1, "aria-label": "Frame of the run",
     oninput: () => { begin(); goTo(app, Number(slider.value)); },
   });
-  const toggle = button("▶ Replay", () => { begin(); play(app, toggle.dataset.plays !== "yes"); }, { id: "replay-play" });
+  const toggle = button("▶ Replay", () => {
+    begin();
+    if (toggle.dataset.plays === "yes") pause(app);
+    else play(app, Number(slider.value));
+  }, { id: "replay-play" });
   return el("div", { id: "replay" }, toggle, slider, el("span", { class: "number-of-frame" }, `${count} / ${count}`));
 }
 
