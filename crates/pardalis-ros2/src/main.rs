@@ -315,7 +315,7 @@ fn classes(scene: &Scene, arguments: &Arguments) -> Result<Vec<(TargetId, String
             scene.cameras[0].name
         ),
         (None, Some((camera, topic))) => bail!(
-            "--detections {camera}={topic}: no target of the scene has a detector; give one `detector = {{}}` in place of colors"
+            "--detections {camera}={topic}: no target of the scene has a detector; give one `detector = {{}}`, in place of its colors or beside them"
         ),
         _ => {}
     }

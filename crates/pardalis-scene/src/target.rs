@@ -628,7 +628,8 @@ fn read_shared(
                 let message = "needs the edge cue: the published cues track a target that always exists; remove it, or replace them by edge";
                 table.problem("existence", message);
             }
-            if detector.is_some() {
+            // With cues that are given, the conflict with them has been reported.
+            if detector.is_some() && !WITHOUT_DETECTOR.iter().any(|key| table.has(key)) {
                 let message = "needs the edge cue, and a start selects the published ones; add edge = {}, or remove the start";
                 table.problem("detector", message);
             }

@@ -117,11 +117,16 @@ function problemsOf(step) {
   return app.state.problems.filter((problem) => problem.step === step.id);
 }
 
+/** Whether a problem is shown: what is missing is none before its step has begun. */
+function isShown(step, problem) {
+  return step.isBegun(app) || problem.is_warning || problem.is_unread;
+}
+
 /** Returns "done", "todo" or "wrong". */
 function statusOf(step) {
-  const isWrong = problemsOf(step).some((problem) => !problem.is_warning);
-  if (step.isDone(app)) return isWrong ? "wrong" : "done";
-  return isWrong && step.isBegun(app) ? "wrong" : "todo";
+  const wrong = problemsOf(step).filter((problem) => !problem.is_warning);
+  if (step.isDone(app)) return wrong.length > 0 ? "wrong" : "done";
+  return wrong.some((problem) => isShown(step, problem)) ? "wrong" : "todo";
 }
 
 function renderSteps() {
@@ -228,7 +233,7 @@ function captionOf(name) {
 
 function renderPanel() {
   const { step } = app;
-  const problems = problemsOf(step).filter((problem) => step.isBegun(app) || problem.is_warning);
+  const problems = problemsOf(step).filter((problem) => isShown(step, problem));
   const list = problems.map(({ key, message, line, is_warning: isWarning }) =>
     el("li", { class: isWarning ? "warning" : "problem" }, el("code", {}, line ? `${key}, line ${line}` : key), el("span", {}, message)),
   );

@@ -72,7 +72,7 @@ struct Distance {
     largest_at_s: f64,
 }
 
-/// A setting that differs, with its value in each run as JSON; none where it is not set.
+/// A setting that differs between the runs, with its value in each as JSON; `None` in a run that does not set it.
 #[derive(Debug, PartialEq, Serialize)]
 pub(crate) struct Setting {
     key: String,

@@ -128,6 +128,24 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
     assert (tmp_path / "scene.toml").read_text() == texts[1]
 
 
+def test_a_target_that_cannot_be_read_is_not_taken_for_none(studio, tmp_path):
+    scene = (DATA / "dioptric-jump/scene.toml").read_text()
+    scene = scene.replace('"frames"', f'"{DATA / "dioptric-jump/frames"}"').replace("../colors", str(DATA / "colors"))
+    scene = scene.replace("radius_m = 0.11", "radius_m = -0.11")
+    (tmp_path / "scene.toml").write_text(scene)
+    one = studio("scene.toml")
+    expect(one.page.locator("#step-targets .number")).to_have_class("number wrong")
+    one.step("targets")
+    expect(one.page.locator(".problems")).to_contain_text("targets.ball.shape.sphere.radius_m")
+    # It would be there twice.
+    assert "targets.ball: is in the scene already" in one.ask("add_target", {"name": "ball"})["error"]
+    assert one.ask("state")["text"] == scene
+    # What is only missing is no problem of a step before that has begun.
+    one.ask("add_target", {"name": "other"})
+    expect(one.page.locator("#step-colors .number")).to_have_text("4")
+    one.errors.clear()
+
+
 def test_mistakes_are_refused_with_their_remedy_and_change_nothing(studio, tmp_path):
     shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "in/frames")
     (tmp_path / "secret.toml").write_text("secret = true\n")

@@ -84,7 +84,7 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
     }
 }
 
-/// Returns what is known of the cameras, and whether it is from the recording.
+/// Returns what is known about the cameras, and whether the recording itself says so.
 fn known(arguments: &Arguments) -> Result<(KnownCameras, bool)> {
     let file = &arguments.input;
     let is_given = arguments.camera.is_some() || arguments.fov_deg.is_some();

@@ -1,6 +1,6 @@
 //! The state of a session as the page sees it.
 
-use pardalis_scene::{CameraConfig, Problem, TargetConfig};
+use pardalis_scene::{CameraConfig, Problem, Scene, TargetConfig};
 use serde_json::{Value, json};
 
 use super::session::Inner;
@@ -74,6 +74,7 @@ impl Inner {
                 "line": problem.line,
                 "message": message,
                 "is_warning": is_warning,
+                "is_unread": self.is_unread(&parts.scene, &problem.key),
             })
         };
         let problems = parts.assembly.problems.iter().map(|p| written(p, false));
@@ -95,6 +96,20 @@ impl Inner {
             "can_use_rig": self.waved.as_ref().is_some_and(|waved| waved.is_of(&now.text)),
             "run": self.running.as_ref().map(super::running::Running::about),
         })
+    }
+
+    /// Reports whether a key is in the table of a camera or target that is there and could not be read: the page has nothing else of it.
+    fn is_unread(&self, scene: &Scene, key: &str) -> bool {
+        let mut parts = key.split('.');
+        let (Some(kind), Some(name)) = (parts.next(), parts.next()) else {
+            return false;
+        };
+        let is_read = match kind {
+            "cameras" => scene.cameras.iter().any(|camera| camera.name == name),
+            "targets" => scene.targets.iter().any(|target| target.name == name),
+            _ => true,
+        };
+        !is_read && self.table_of(kind, name).is_some()
     }
 
     fn camera(&self, camera: &CameraConfig) -> Value {

@@ -69,7 +69,14 @@ impl Session {
         if !is_name(name) {
             return Err(user_error!("the name {name}: allowed: {NAMES_ALLOWED}"));
         }
-        let folder = self.inner().project.folder().to_owned();
+        let inner = self.inner();
+        if inner.table_of("targets", name).is_some() {
+            return Err(user_error!(
+                "targets.{name}: is in the scene already; correct what the steps say of it, or choose another name"
+            ));
+        }
+        let folder = inner.project.folder().to_owned();
+        drop(inner);
         let colors = unused_colors(&folder, name);
         self.edit(
             &format!("targets.{name}.shape"),

@@ -194,6 +194,13 @@ fn detectors_without_files_and_with_other_cues_are_rejected_by_key() {
         let problems = with_detector(camera, ball).unwrap_err();
         let named = problems.iter().any(|problem| problem.contains(expected));
         assert!(named, "{camera} {ball}: {problems:?}");
+        // A cue that is given is no start that selects it.
+        let misled = problems.iter().any(|it| it.contains("needs the edge cue"));
+        assert_eq!(
+            misled,
+            expected.contains("needs the edge cue"),
+            "{problems:?}"
+        );
     }
 }
 

@@ -101,7 +101,8 @@ impl DetectedTarget {
     }
 
     /// Compares a detection with clutter: things of the target's colours and form, uniformly distributed, a known number per frame. The sharper a
-    /// detection, the less likely clutter is just there. Boxes of another program's detector say this much (nats) for it. `None` if its covariance is singular, or it moves and its outline says too little.
+    /// detection, the less likely clutter is just there. `by_boxes` is what the boxes of another program's detector say for it, in nats. `None` if its
+    /// covariance is singular, or it moves and its outline says too little.
     fn associate_one(
         &self,
         (number, detection, by_boxes): (usize, &Detection, f64),
