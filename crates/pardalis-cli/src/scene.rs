@@ -45,6 +45,26 @@ pub(crate) struct OpenScene {
     pub(crate) tracker: Tracker,
 }
 
+/// What is known of live cameras when a scene is opened.
+#[derive(Default)]
+pub(crate) struct Live {
+    /// Ends the wait for a camera.
+    pub(crate) stop: Stop,
+    /// Those that are open already, with their settings. They are taken.
+    pub(crate) open: Vec<(SourceConfig, Source)>,
+}
+
+impl Live {
+    /// Returns the source with these settings, which is opened unless it is open already.
+    fn open(&mut self, config: &SourceConfig) -> Result<Source> {
+        let is_open = |(open, _): &(SourceConfig, Source)| open.is_same(config);
+        match self.open.iter().position(is_open) {
+            Some(number) => Ok(self.open.swap_remove(number).1),
+            None => Source::open_until(config, &self.stop),
+        }
+    }
+}
+
 /// Reads the text of a scene file.
 pub(crate) fn read_scene_text(path: &Path) -> Result<String> {
     let name = path.shown();
@@ -158,16 +178,19 @@ pub(crate) fn open(
     seed: Option<u32>,
     stills: &[PathBuf],
 ) -> Result<OpenScene> {
-    open_until(path, scene, seed, stills, &Stop::default())
+    let mut live = Live::default();
+    open_with(path, scene, seed, stills, &mut live)
 }
 
-/// Opens all files of a scene as [`open`] does, unless it is to stop while a live camera is waited for, which fails.
-pub(crate) fn open_until(
+/// Opens all files of a scene as [`open`] does, with what is known of its live cameras.
+///
+/// Errors: also if it is to stop while a live camera is waited for.
+pub(crate) fn open_with(
     path: &Path,
     mut scene: Scene,
     seed: Option<u32>,
     stills: &[PathBuf],
-    stop: &Stop,
+    live: &mut Live,
 ) -> Result<OpenScene> {
     if !stills.is_empty() && scene.cameras.len() != 1 {
         return Err(user_error!(
@@ -189,7 +212,7 @@ pub(crate) fn open_until(
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut parts = Parts::with(scene, Vec::new());
-    parts.open_cameras(folder, stills, stop)?;
+    parts.open_cameras(folder, stills, live)?;
     if parts.assembly.problems.is_empty() {
         parts.source_warnings(path).iter().for_each(warn);
     }
@@ -208,7 +231,7 @@ pub(crate) fn open_parts(path: &Path) -> Result<Parts> {
     let missing = named_files::missing(&text, folder, &scene);
     let mut parts = Parts::with(scene, problems);
     parts.assembly.problems.extend(missing);
-    parts.open_cameras(folder, &[], &Stop::default())?;
+    parts.open_cameras(folder, &[], &mut Live::default())?;
     parts.find_recorded_rectangles(folder);
     parts.open_targets(folder);
     Ok(parts)
@@ -268,10 +291,10 @@ impl Parts {
     /// Opens the frames of all cameras, or `stills` in place of those of its only camera.
     ///
     /// Errors: the stills cannot be opened.
-    fn open_cameras(&mut self, folder: &Path, stills: &[PathBuf], stop: &Stop) -> Result<()> {
+    fn open_cameras(&mut self, folder: &Path, stills: &[PathBuf], live: &mut Live) -> Result<()> {
         for camera in &mut self.scene.cameras {
             let source = if stills.is_empty() {
-                open_source(camera, folder, &mut self.scene.resolved, stop)
+                open_source(camera, folder, &mut self.scene.resolved, live)
             } else {
                 Ok(Source::stills(stills)?)
             };
@@ -475,8 +498,8 @@ pub(crate) fn open_camera(
     let problem = |problem| problems_in("scene", path, &[problem]);
     let resolved = &mut toml::Table::new();
     let source = if stills.is_empty() {
-        let source =
-            open_source(&mut camera, folder, resolved, &Stop::default()).map_err(problem)?;
+        let live = &mut Live::default();
+        let source = open_source(&mut camera, folder, resolved, live).map_err(problem)?;
         source_warning(path, &camera, &source).iter().for_each(warn);
         source
     } else {
@@ -511,11 +534,11 @@ fn open_source(
     camera: &mut CameraConfig,
     folder: &Path,
     resolved: &mut toml::Table,
-    stop: &Stop,
+    live: &mut Live,
 ) -> Result<Source, Problem> {
     let config = source_config(camera, folder)?;
     let place = camera.input.place();
-    let source = Source::open_until(&config, stop);
+    let source = live.open(&config);
     let mut source = source.map_err(|error| place.problem(format!("{error:#}")))?;
     if source.is_live() {
         find_in_source(camera, &mut source, resolved)?;

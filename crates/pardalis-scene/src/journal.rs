@@ -25,12 +25,11 @@ impl fmt::Display for Problem {
             0 => f.write_str("as set")?,
             line => write!(f, "line {line}")?,
         }
-        // A line end in a key or in a file's name would make the rest look like a message of its own.
-        let in_line = |text: &str| text.replace('\n', "\\n");
+        // A line end in a key or in a file's name must not make the rest look like a message of its own.
         if !self.key.is_empty() {
-            write!(f, ": {}", in_line(&self.key))?;
+            write!(f, ": {}", self.key.replace('\n', "\\n"))?;
         }
-        write!(f, ": {}", in_line(&self.message))
+        write!(f, ": {}", self.message.replace('\n', "\n      "))
     }
 }
 
@@ -269,5 +268,21 @@ fn shortened(text: String) -> String {
     match text.char_indices().nth(MAX_SHOWN) {
         Some((end, _)) => format!("{}...", &text[..end]),
         None => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_a_message_do_not_look_like_messages_of_their_own() {
+        let problem = Problem {
+            key: "cameras.a\nb.video".to_owned(),
+            line: 7,
+            message: "cannot be opened. Messages:\nerror: refused".to_owned(),
+        };
+        let text = "line 7: cameras.a\\nb.video: cannot be opened. Messages:\n      error: refused";
+        assert_eq!(problem.to_string(), text);
     }
 }

@@ -227,7 +227,7 @@ function captionOf(name) {
   const play = button(source.is_playing ? "❚❚" : "▶", () => ask("show", { camera: name, is_playing: !source.is_playing }), {
     id: `play-${name}`, "aria-label": source.is_playing ? "Pause" : "Play",
   });
-  const number = el("span", { class: "number-of-frame" }, count ? `${frame + 1} / ${count}` : `${frame + 1}`);
+  const number = el("span", { class: "number-of-frame" }, count ? `${frame} / ${count - 1}` : `${frame}`);
   return count === 1 ? parts : [...parts, play, slider, number];
 }
 
@@ -282,7 +282,7 @@ function updateCaption(name) {
   const { caption } = app.pictures.get(name);
   if (caption.contains(document.activeElement) && document.activeElement.type === "range") {
     const source = app.latest.get(`source/${name}`);
-    caption.querySelector(".number-of-frame").textContent = `${source.frame + 1} / ${source.frame_count}`;
+    caption.querySelector(".number-of-frame").textContent = `${source.frame} / ${source.frame_count - 1}`;
     return;
   }
   replaceChildren(caption, captionOf(name));

@@ -23,10 +23,15 @@ export class ComparisonTable {
     const target = comparison.targets[selected];
     const figures = (target?.figures ?? [null, null]).map((run) => columns(run, units));
     const heads = ["run", ...figures[0].map(({ name }) => name)].map((text) => element("th", { scope: "col" }, text));
-    const rows = comparison.names.map((name, run) => row([runSwatch(run), element("span", { title: name }, name)], figures[run].map(({ value, format }) => format(value))));
-    const differences = figures[1].map(({ value, format }, at) => signed(value - figures[0][at].value, format));
-    const table = element("table", {}, element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...rows, row(["difference"], differences)));
-    this.host.replaceChildren(element("h2", {}, `Two runs: ${selected ?? ""}`), element("div", { class: "pv-table" }, table), this.#distance(target?.distance, units), ...settings(comparison.settings ?? []));
+    const order = comparison.other_is_earlier ? [1, 0] : [0, 1];
+    const rows = order.map((run) => {
+      const name = comparison.names[run];
+      return row([runSwatch(run), element("span", { title: name }, name)], figures[run].map(({ value, format }) => format(value)));
+    });
+    const [from, to] = order.map((run) => figures[run]);
+    const differences = to.map(({ value, format }, at) => signed(value - from[at].value, format));
+    const table = element("table", {}, element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...rows, row(["change"], differences)));
+    this.host.replaceChildren(element("h2", {}, `Two runs: ${selected ?? ""}`), element("div", { class: "pv-table" }, table), this.#distance(target?.distance, units), ...settings(comparison.settings ?? [], order));
   }
 
   #distance(distance, units) {
@@ -54,10 +59,10 @@ function row(head, cells) {
   return element("tr", {}, element("th", { scope: "row" }, ...head), ...cells.map((cell) => element("td", {}, cell)));
 }
 
-/** The settings that differ, as lines. */
-function settings(list) {
+/** The settings that differ, as lines, with their values in both runs in this order. */
+function settings(list, [from, to]) {
   if (list.length === 0) return [];
   const text = (value) => value ?? "not set";
-  const lines = list.map(({ key, values: [first, second] }) => element("li", {}, element("code", {}, key), ` ${text(first)} → ${text(second)}`));
+  const lines = list.map(({ key, values }) => element("li", {}, element("code", {}, key), ` ${text(values[from])} → ${text(values[to])}`));
   return [element("details", { class: "pv-differ", open: "" }, element("summary", {}, "Settings that differ"), element("ul", {}, ...lines))];
 }

@@ -60,6 +60,7 @@
  *           distance: { times, median_m, largest_m, largest_at_s }, // between both, at times at which both have a position; or null
  *         },
  *       },
+ *       other_is_earlier: false,                       // whether changes are those from the other to the run in `tracks`
  *       settings: [{ key, values: ["1", "2"] }],       // settings that differ, with their values as texts; null: not set
  *     }
  *

@@ -231,7 +231,7 @@ pub(crate) fn summary(run: &Run) -> String {
     let count = counted(frames as u64, "frame");
     let mut text = format!("tracked {count} ({rate:.0} per second of tracking time)\n");
     if outcome.interrupted {
-        text += "ended by Ctrl-C\n";
+        text += "ended on request\n";
     }
     let targets = run.open.scene.targets.iter().zip(run.series.states());
     for (number, (target, states)) in targets.enumerate() {

@@ -159,7 +159,9 @@ fn compared((first, second): (&Results, &Results), names: &[String; 2]) -> Resul
         tracks: &run.tracks,
         summary: run.summary.as_ref(),
     });
-    report::compare(first, second)
+    let comparison = report::compare(first, second)?;
+    comparison.doubt.iter().for_each(warn);
+    Ok(comparison)
 }
 
 /// Returns the scene of some results, and notes what is missing in it.

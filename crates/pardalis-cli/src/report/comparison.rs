@@ -39,9 +39,14 @@ pub(crate) struct Comparison {
     tracks: TrackColumns,
     targets: BTreeMap<String, Target>,
     settings: Vec<Setting>,
+    /// Whether changes are those from the second run to the first.
+    pub(crate) other_is_earlier: bool,
     /// What is left out.
     #[serde(skip)]
     pub(super) note: Option<String>,
+    /// A reason to doubt that the runs are of the same images.
+    #[serde(skip)]
+    pub(crate) doubt: Option<String>,
 }
 
 /// A target of either run.
@@ -79,6 +84,17 @@ pub(crate) struct Setting {
     values: [Option<String>; 2],
 }
 
+impl Setting {
+    /// Reports whether it states where the images of a camera come from.
+    fn is_of_input(&self) -> bool {
+        let mut parts = self.key.split('.');
+        let (table, last) = (parts.next(), parts.nth(1));
+        table == Some("cameras")
+            && parts.next().is_none()
+            && last.is_some_and(|key| ["images", "video", "mcap", "topic"].contains(&key))
+    }
+}
+
 /// Compares two runs. Rows are matched by their times, targets by their names.
 ///
 /// Errors: the rows of a run cannot be read, or the runs have no target at a common time.
@@ -109,12 +125,25 @@ pub(crate) fn compare(first: Compared, second: Compared) -> Result<Comparison> {
         ));
     }
     let read = columns_of(&tables[1])?;
+    let settings = settings([first.summary, second.summary]);
+    let doubt = settings.iter().find(|setting| setting.is_of_input());
+    let doubt = doubt.map(|Setting { key, values }| {
+        let [ours, theirs] = values
+            .each_ref()
+            .map(|value| value.as_deref().unwrap_or("not set"));
+        format!(
+            "The runs may be of different images: {key} is {ours} in {} and {theirs} in {}",
+            first.name, second.name
+        )
+    });
     Ok(Comparison {
         names: [first.name.to_owned(), second.name.to_owned()],
         tracks: read.columns,
         targets,
-        settings: settings([first.summary, second.summary]),
+        settings,
+        other_is_earlier: false,
         note: read.note,
+        doubt,
     })
 }
 

@@ -59,11 +59,10 @@ pub(crate) fn write(
 ) -> Result<()> {
     let read = tracks.map(tracks::read).transpose()?.unwrap_or_default();
     notes.extend(read.note);
-    notes.extend(
-        comparison
-            .as_ref()
-            .and_then(|comparison| comparison.note.clone()),
-    );
+    if let Some(comparison) = &comparison {
+        notes.extend(comparison.note.clone());
+        notes.extend(comparison.doubt.as_ref().map(|doubt| format!("{doubt}.")));
+    }
     let (frames, note) =
         frames::read(&folder.join(ANNOTATED), &read.times_s, scene.first_camera())?;
     scene.frames = frames;

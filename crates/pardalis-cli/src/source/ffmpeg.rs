@@ -180,7 +180,7 @@ impl Programs {
         let filter = format!("{filter},setpts='if(isnan(PTS),{MISSING_S}/TB,PTS)'");
         let before_all = NUT_OFFSET_S / 2 * denominator / numerator;
         let stamps = format!("setts=pts=PTS:dts=N-{before_all}");
-        let mut child = command
+        command
             .args([
                 "-hide_banner",
                 "-nostdin",
@@ -202,9 +202,9 @@ impl Programs {
             .args(["-avoid_negative_ts", "disabled", "-write_index", "0"])
             .args(["-flush_packets", "1", "-f", "nut", "pipe:1"])
             .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .with_context(|| format!("{} cannot be started", self.ffmpeg.shown()))?;
+            .stderr(Stdio::piped());
+        let mut child =
+            spawn(command).with_context(|| format!("{} cannot be started", self.ffmpeg.shown()))?;
         let (Some(frames), Some(messages)) = (child.stdout.take(), child.stderr.take()) else {
             unreachable!("both are piped");
         };
@@ -288,6 +288,30 @@ pub(super) fn without_stamps(input: &str, format: &str) -> anyhow::Error {
         "{input}: is a raw stream without time stamps; give input.format = \"{format}\" and fps, or put it into a container: \
          ffmpeg -f {format} -framerate FPS -i STREAM -c copy clip.mkv"
     )
+}
+
+/// Starts a command on a thread that lasts as long as this program, because `setpriv` ends what it started with the thread that started it, and sources
+/// pass from thread to thread.
+fn spawn(command: Command) -> Result<Child> {
+    type Job = (Command, Sender<std::io::Result<Child>>);
+    static STARTER: Mutex<Option<Sender<Job>>> = Mutex::new(None);
+    let mut starter = STARTER.lock().unwrap_or_else(PoisonError::into_inner);
+    let jobs = match &mut *starter {
+        Some(jobs) => jobs,
+        none => {
+            let (sender, jobs) = channel::<Job>();
+            start_thread(move || {
+                for (mut command, answer) in jobs {
+                    // Somebody waits for the answer.
+                    let _ = answer.send(command.spawn());
+                }
+            })?;
+            none.insert(sender)
+        }
+    };
+    let (sender, answer) = channel();
+    jobs.send((command, sender))?;
+    Ok(answer.recv()??)
 }
 
 /// Returns a command without standard input that writes no report.

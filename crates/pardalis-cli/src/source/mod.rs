@@ -216,6 +216,11 @@ pub(crate) struct Source {
 }
 
 impl SourceConfig {
+    /// Reports whether two sources have the same settings.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        format!("{self:?}") == format!("{other:?}")
+    }
+
     /// Reports whether frames arrive while they are taken, and whether opening the source twice may fail.
     pub(crate) fn is_live(&self) -> bool {
         match &self.kind {
@@ -384,6 +389,14 @@ impl Source {
     pub(crate) fn take_overtaken(&mut self) -> usize {
         let overtaken = self.overtaken.as_ref();
         overtaken.map_or(0, |overtaken| overtaken.swap(0, Ordering::Relaxed))
+    }
+
+    /// Forgets what was counted, as if the source had only now been opened.
+    #[cfg(feature = "studio")]
+    pub(crate) fn count_anew(&mut self) {
+        self.take_overtaken();
+        self.counters.decode_s = 0.0;
+        self.process.iter().for_each(|running| running.count_anew());
     }
 
     /// Returns what the user should know although the source opens.

@@ -123,6 +123,16 @@ impl Running {
         state.joining_errors = state.process.error_count();
     }
 
+    /// Forgets what was counted, as if the source had only now been opened.
+    #[cfg(feature = "studio")]
+    pub(super) fn count_anew(&self) {
+        let mut state = self.state();
+        state.earlier_errors = 0;
+        state.joining_errors = state.process.error_count();
+        state.reopened = 0;
+        state.clock_jumps = 0;
+    }
+
     /// Returns how often the source was opened again.
     pub(super) fn reopened(&self) -> usize {
         self.state().reopened

@@ -253,7 +253,15 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
 
 /// Tracks like [`run`] a scene that has been read from the file of that name.
 pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> Result<Run> {
-    let mut open = scene::open(scene_path, scene, options.seed, &[])?;
+    run_open(
+        scene_path,
+        scene::open(scene_path, scene, options.seed, &[])?,
+        options,
+    )
+}
+
+/// Tracks like [`run`] a scene that has been read from the file of that name and opened.
+pub(crate) fn run_open(scene_path: &Path, mut open: OpenScene, options: &Options) -> Result<Run> {
     let targets = open.scene.targets.clone();
     let detections = std::mem::take(&mut open.detections);
     let mut step =

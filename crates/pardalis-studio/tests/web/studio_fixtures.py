@@ -75,7 +75,7 @@ class Studio:
             "(slider, frame) => { slider.value = frame; slider.dispatchEvent(new Event('input')); }", frame
         )
         shown = self.page.locator(f"[data-camera={camera}] .number-of-frame")
-        expect(shown).to_have_text(re.compile(rf"^{frame + 1} /"))
+        expect(shown).to_have_text(re.compile(rf"^{frame} /"))
 
     def ask(self, request, value=None):
         """Asks the program as the page does."""

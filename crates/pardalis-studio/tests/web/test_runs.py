@@ -41,7 +41,7 @@ def track(page):
 
 def replay_at(page, frame, count=110):
     page.locator("#replay-frame").evaluate("(slider, frame) => { slider.value = frame; slider.dispatchEvent(new Event('input')); }", frame)
-    expect(page.locator("#replay .number-of-frame")).to_have_text(f"{frame + 1} / {count}")
+    expect(page.locator("#replay .number-of-frame")).to_have_text(f"{frame} / {count - 1}")
 
 
 def outlines(page, frame, count=110):
@@ -72,27 +72,33 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
     for frame in (100, 40, 0):
         ((middle, _),) = outlines(page, frame).values()
         assert math.dist(middle, [float(truth[frame]["u_px"]), float(truth[frame]["v_px"])]) < 2
+        # And its values beside it.
+        row = rows_of(jump / "scene-tracks")[frame]
+        expect(page.locator("#now")).to_contain_text(f"Frame {frame}, ")
+        cells = page.locator("[data-target=ball] td")
+        expect(cells.nth(0)).to_have_text(f"{float(row['x_m']):.3f}")
+        expect(cells.nth(1)).to_have_text(f"± {2000 * math.sqrt(float(row['xx_m2'])):.0f} mm")
     # It plays by itself, from the beginning once it has come to the end.
     replay_at(page, 109)
     page.click("#replay-play")
     expect(page.locator("#replay-play")).to_contain_text("Pause")
-    expect(page.locator("#replay .number-of-frame")).to_have_text(re.compile(r"^[1-9]\d? / 110"))
+    expect(page.locator("#replay .number-of-frame")).to_have_text(re.compile(r"^[1-9]\d? / 109"))
     page.click("#replay-play")
     expect(page.locator("#replay-play")).to_contain_text("Replay")
     # From where the bar stands, whatever frame another step has shown.
     replay_at(page, 100)
     one.step("targets")
     one.step("track")
-    expect(page.locator("#replay .number-of-frame")).to_have_text("110 / 110")
+    expect(page.locator("#replay .number-of-frame")).to_have_text("109 / 109")
     page.click("#replay-play")
-    expect(page.locator("#replay .number-of-frame")).to_have_text(re.compile(r"^[1-9]\d? / 110"))
+    expect(page.locator("#replay .number-of-frame")).to_have_text(re.compile(r"^[1-9]\d? / 109"))
     page.click("#replay-play")
     expect(page.locator("#replay-play")).to_contain_text("Replay")
     # And by keys.
     page.locator("#replay-frame").focus()
     page.keyboard.press("Home")
     page.keyboard.press("ArrowRight")
-    expect(page.locator("#replay .number-of-frame")).to_have_text("2 / 110")
+    expect(page.locator("#replay .number-of-frame")).to_have_text("1 / 109")
     # Nothing to compare with yet. Another seed, another size: edits of the scene, which can be undone.
     expect(page.locator("#compare-with")).to_be_hidden()
     page.click("#settings summary")
@@ -108,9 +114,13 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
     assert rows_of(jump / "scene-tracks/earlier/1") == first
     expect(page.locator("#compare-with option:checked")).to_have_text("run 1: seed 1, radius_m 0.11")
     comparison = page.locator("#viewer .pv-comparison")
-    expect(comparison.locator("tbody th").nth(0)).to_have_text("run 2")
-    expect(comparison.locator("tbody th").nth(1)).to_have_text("run 1")
-    expect(comparison).to_contain_text("targets.ball.shape.sphere.radius_m 0.1 → 0.11")
+    # From the earlier to the last.
+    expect(comparison.locator("tbody th").nth(0)).to_have_text("run 1")
+    expect(comparison.locator("tbody th").nth(1)).to_have_text("run 2")
+    expect(comparison).to_contain_text("targets.ball.shape.sphere.radius_m 0.11 → 0.1")
+    confidences = [float(row["confidence"]) for row in rows_of(jump / "scene-tracks")], [float(row["confidence"]) for row in first]
+    means = [sum(values) / len(values) for values in confidences]
+    expect(comparison.locator("tbody tr").nth(2).locator("td").nth(4)).to_have_text(re.compile(rf"^.?{abs(means[0] - means[1]):.3f}$"))
     second = rows_of(jump / "scene-tracks")
     apart = sorted(math.dist([float(a[f"{axis}_m"]) for axis in "xyz"], [float(b[f"{axis}_m"]) for axis in "xyz"]) for a, b in zip(first, second))
     expect(comparison.locator(".pv-distance")).to_contain_text(f"median {1000 * (apart[54] + apart[55]) / 2:.0f} mm, largest {1000 * apart[-1]:.0f} mm")
@@ -161,8 +171,13 @@ def test_wrong_settings_and_runs_are_refused_with_their_remedy(studio, jump):
     page.fill("#particles-ball", "0")
     page.keyboard.press("Tab")
     expect(page.locator("#messages")).to_contain_text("targets.ball.filter.particles: ")
+    # Fields show again what holds.
+    expect(page.locator("#seed")).to_have_value("1")
+    expect(page.locator("#particles-ball")).not_to_have_value("0")
     errors = {
-        "set_number": ({"key": "cameras.cam1.fps", "value": 3}, "allowed: seed, targets.NAME.filter.particles"),
+        "set_number": ({"key": "cameras.cam1.size_px", "value": 3}, "allowed: seed, targets.NAME.filter.particles, cameras.NAME.fps"),
+        "set_number  ": ({"key": "cameras.other.fps", "value": 3}, "cameras.other: is not in the scene"),
+        "set_number   ": ({"key": "seed", "value": 1.5}, "seed: 1.5 is no whole number"),
         "set_number ": ({"key": "targets.cube.filter.particles", "value": 3}, "targets.cube: is not in the scene"),
         "compare": ({"run": 8}, "run 8: is not kept any more"),
         "track": ({"record": True}, "no camera is live: what there is to be tracked is recorded already"),

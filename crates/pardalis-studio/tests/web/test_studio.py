@@ -30,7 +30,18 @@ def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path, frames):
     page = one.page
     # Sources: the folder of images.
     page.get_by_role("button", name="Add the images in frames").click()
-    expect(page.locator("[data-camera=camera] .number-of-frame")).to_have_text("1 / 110")
+    expect(page.locator("[data-camera=camera] .number-of-frame")).to_have_text("0 / 109")
+    # Nothing says how fast they were taken.
+    expect(page.locator("#step-sources")).to_have_attribute("title", re.compile("to do"))
+    expect(page.locator("#fps-camera")).to_have_value("25")
+    page.fill("#fps-camera", "0")
+    page.keyboard.press("Tab")
+    expect(page.locator("#messages")).to_contain_text("cameras.camera.fps: ")
+    expect(page.locator("#fps-camera")).to_have_value("25")
+    one.errors.clear()
+    page.click("#accept-fps-camera")
+    expect(page.locator("#step-sources .number")).to_have_text("✓")
+    assert "fps = 25.0\n" in one.ask("state")["text"]
     # Camera: a calibration, with its pose.
     one.step("camera")
     expect(page.locator("#panel .now")).to_contain_text("typical angle of view was guessed")
@@ -51,9 +62,18 @@ def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path, frames):
     expect(page.locator("#share")).to_contain_text("% of this image")
     # Targets: its diameter, in centimetres.
     one.step("targets")
+    page.fill("#diameter-ball", "20")
+    page.keyboard.press("Tab")
+    expect(page.locator("#step-targets .number")).to_have_text("✓")
     page.fill("#diameter-ball", "22")
     page.click("#set-ball")
-    expect(page.locator("#step-targets .number")).to_have_text("✓")
+    # To set what is set is no edit.
+    expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius_m 0.11 for ball"))
+    page.click("#set-ball")
+    page.click("#undo")
+    expect(page.locator("#diameter-ball")).to_have_value("20")
+    page.click("#redo")
+    expect(page.locator("#diameter-ball")).to_have_value("22")
     # Track, and save.
     one.step("track")
     page.click("#start")
@@ -95,7 +115,7 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
     # A box in the next frame, begun and ended with B.
     page.locator("#frame-cam1").focus()
     page.keyboard.press("ArrowRight")
-    expect(page.locator("[data-camera=cam1] .number-of-frame")).to_have_text("2 / 110")
+    expect(page.locator("[data-camera=cam1] .number-of-frame")).to_have_text("1 / 109")
     page.locator("[data-camera=cam1] canvas").focus()
     for key, count in [("ArrowLeft", 20), ("ArrowUp", 18)]:
         for _ in range(count):
@@ -413,8 +433,20 @@ def test_a_camera_that_is_not_there_is_tried_until_it_is(studio, tmp_path):
     encoded = ["-c:v", "mpeg2video", "-q:v", "2", "-g", "5", "-f", "mpegts", f"tcp://127.0.0.1:{port}?listen=1"]
     camera = subprocess.Popen(["ffmpeg", "-nostdin", "-loglevel", "error", *source, *encoded], stdout=one.log, stderr=one.log)
     try:
-        expect(one.page.locator("figcaption")).to_contain_text(re.compile(r"\d\d\.\d per second"))
+        rate = re.compile(r"\d\d\.\d per second")
+        expect(one.page.locator("figcaption")).to_contain_text(rate)
         expect(one.page.locator("figcaption .bad")).to_have_count(0)
+        # It serves one connection, which passes from the picture to the run and back.
+        one.step("track")
+        for _ in range(2):
+            one.page.click("#start")
+            expect(one.page.locator("#now")).to_contain_text("Frame 2")
+            one.page.click("#stop")
+            expect(one.page.locator("#report")).to_contain_text("ended on request")
+        summary = json.loads((tmp_path / "live-tracks/summary.json").read_text())
+        assert summary["cameras"]["cam1"]["reopened"] == 0
+        one.step("sources")
+        expect(one.page.locator("figcaption")).to_contain_text(rate)
     finally:
         camera.kill()
         camera.wait()
@@ -665,5 +697,5 @@ def test_every_step_can_be_pictured_for_the_guide(studio, tmp_path):
     page.keyboard.press("Tab")
     expect(page.locator("#undo")).to_have_attribute("title", re.compile("radius_m 0.1 "))
     page.click("#start")
-    expect(page.locator("#viewer .pv-comparison")).to_contain_text("difference")
+    expect(page.locator("#viewer .pv-comparison")).to_contain_text("change")
     take("track", "compare")

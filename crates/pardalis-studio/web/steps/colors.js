@@ -4,6 +4,9 @@ import { ask } from "../connection.js";
 import { button, choice, el } from "../elements.js";
 import { drawOutline, drawText } from "../picture.js";
 
+/** The share of the background that is usually taken for an object at most. Hand-set. */
+const MOST_MISTAKEN = 0.05;
+
 let isMarked = false;
 let asked = null;
 
@@ -23,6 +26,17 @@ async function mark(app) {
     asked = null;
     app.say(error.message, true);
   }
+}
+
+/** What the labels of a target show that is not as with an object of its own colours. */
+function doubtsAbout({ samples, learnt }) {
+  if (!learnt) return [];
+  const named = learnt.failed.map((number) => samples[number]).filter(Boolean);
+  const frames = named.map(({ camera, frame }) => `${camera} ${frame}`).join(", ");
+  return [
+    named.length > 0 && `It is not found again in the labelled frame ${frames}: is the outline on the object, and all of it?`,
+    learnt.mistaken > MOST_MISTAKEN && `${(100 * learnt.mistaken).toFixed(0)} % of the rest of the pictures has these colours, too: is the outline on the object?`,
+  ].filter(Boolean);
 }
 
 function label(app, what) {
@@ -82,11 +96,12 @@ export const colors = {
       el(
         "li",
         {},
-        button(`${camera}, frame ${frame + 1}`, () => { app.select("camera", camera); ask("show", { camera, frame, is_playing: false }); }, { class: "entry" }),
-        button("Remove", () => app.change("unlabel", { target: target.name, number }), { "aria-label": `Remove the label of frame ${frame + 1}` }),
+        button(`${camera}, frame ${frame}`, () => { app.select("camera", camera); ask("show", { camera, frame, is_playing: false }); }, { class: "entry" }),
+        button("Remove", () => app.change("unlabel", { target: target.name, number }), { "aria-label": `Remove the label of frame ${frame}` }),
       ),
     );
     const about = app.images.get("marked")?.about;
+    const doubts = doubtsAbout(target);
     const toggle = el("input", {
       type: "checkbox", id: "marked", checked: isMarked, disabled: !samples.length,
       onchange: (event) => { isMarked = event.target.checked; asked = null; mark(app); app.render(); },
@@ -94,9 +109,9 @@ export const colors = {
     return [
       targets.length > 1 && el("label", { class: "field" }, el("span", {}, "Object"), choice(targets.map((one) => [one.name, one.name]), app.target, (name) => app.select("target", name), { id: "target" })),
       samples.length > 0 && [el("h3", {}, `Labels of ${target.name}`), el("ul", { class: "rows", id: "labels" }, samples)],
+      doubts.length > 0 && el("p", { class: "bad", id: "doubts" }, doubts.join(" ")),
       samples.length > 0 && el("label", { class: "check" }, toggle, "Show everything that has these colours"),
       isMarked && about && el("p", { class: "now", id: "share" }, `${(100 * about.share).toFixed(2)} % of this image. Of the labelled object ${Math.round(100 * about.found)} % is found; of the rest ${(100 * about.mistaken).toFixed(2)} % is mistaken for it.`),
-      about?.failed.length > 0 && isMarked && el("p", { class: "bad" }, `Not found again in ${about.failed.length} of the labelled frames: check the outlines there.`),
       targets.length > 0 && el("details", {}, el("summary", {}, "Another object"), add),
     ];
   },

@@ -21,20 +21,25 @@ export function compareControl(app, chosen, pick) {
   return field("Compare with", select, chosen && "The other run is orange: dashed in plots and in 3D, and its outlines in the pictures of the replay.");
 }
 
+/** Sets a number in the scene. A field with one that is refused shows the present one again. */
+export function setNumber(app, key, value) {
+  return app.change("set_number", { key, value }).then((answer) => answer || app.render());
+}
+
 /** Fields for settings that people vary. */
 export function settingsControl(app) {
   const whole = (key, id, value, min) => {
     const set = () => {
       const number = Number(input.value);
-      if (input.value.trim() === "" || !Number.isInteger(number)) app.say("Type a whole number.", true);
-      else app.change("set_number", { key, value: number });
+      if (input.value.trim() === "" || !Number.isInteger(number)) app.say("Type a whole number.", true), app.render();
+      else setNumber(app, key, number);
     };
     const input = el("input", { type: "number", id, min, step: 1, value, onchange: set });
     return input;
   };
   const targets = app.state.targets.filter(({ shape }) => shape).map(({ name, shape, particles }) => {
     const radius_m = shape.sphere?.radius_m;
-    const setSize = () => app.change("set_shape", { target: name, kind: "sphere", sizes: { radius_m: Number((Number(size.value) / 200).toPrecision(9)) } });
+    const setSize = () => app.change("set_shape", { target: name, kind: "sphere", sizes: { radius_m: Number((Number(size.value) / 200).toPrecision(9)) } }).then((answer) => answer || app.render());
     const size = Number.isFinite(radius_m) && el("input", { type: "number", id: `run-diameter-${name}`, min: 0, step: "any", value: Number((200 * radius_m).toPrecision(6)), onchange: setSize });
     return el("div", { class: "row" }, field(`${name}: particles`, whole(`targets.${name}.filter.particles`, `particles-${name}`, particles, 1)), size && field("Diameter in cm", size));
   });

@@ -28,8 +28,8 @@ export function recordedText({ images, bytes, dropped, is_full: isFull, error })
 /** What can be done with the recording of the last run. */
 export function recordingControl(app) {
   const { recording } = app.state.run;
-  if (!recording) return null;
-  const isUsed = recording.images === 0 || !hasLive(app);
+  if (!recording?.images) return recording?.error ? el("p", { class: "bad" }, recording.error) : null;
+  const isUsed = !hasLive(app);
   const use = () => app.change("use_recording").then((answer) => answer && app.say("The scene has the recording in place of the cameras. Undo goes back to the cameras."));
   return [recordedText(recording), el("p", {}, el("small", {}, `In the folder ${recording.folder}.`)), !isUsed && button("Use the recording", use, { id: "use-recording" })];
 }

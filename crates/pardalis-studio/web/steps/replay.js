@@ -36,6 +36,11 @@ function now(app) {
   return { frame: source?.frame ?? 0, isPlaying: Boolean(source?.is_playing) };
 }
 
+/** The frame that is shown, with the targets then; null if there is none yet. */
+export function replayedNow(app) {
+  return app.images.get(longest(app).name)?.about ?? null;
+}
+
 /** `begin` is called when the user moves. */
 export function replayBar(app, begin) {
   const count = longest(app).source.frame_count;
@@ -48,7 +53,7 @@ export function replayBar(app, begin) {
     if (toggle.dataset.plays === "yes") pause(app);
     else play(app, Number(slider.value));
   }, { id: "replay-play" });
-  return el("div", { id: "replay" }, toggle, slider, el("span", { class: "number-of-frame" }, `${count} / ${count}`));
+  return el("div", { id: "replay" }, toggle, slider, el("span", { class: "number-of-frame" }, `${count - 1} / ${count - 1}`));
 }
 
 /** Follows the frame that is shown. */
@@ -60,5 +65,5 @@ export function updateReplay(app) {
   toggle.dataset.plays = isPlaying ? "yes" : "no";
   toggle.textContent = isPlaying ? "❚❚ Pause" : "▶ Replay";
   if (document.activeElement !== slider || isPlaying) slider.value = frame;
-  number.textContent = `${frame + 1} / ${longest(app).source.frame_count}`;
+  number.textContent = `${frame} / ${longest(app).source.frame_count - 1}`;
 }

@@ -2,6 +2,7 @@
 
 import { ask } from "../connection.js";
 import { button, el, field } from "../elements.js";
+import { setNumber } from "./compare.js";
 
 /** The folder that is listed, and the cameras of the computer; null before they are asked for. */
 let listing = null;
@@ -42,12 +43,22 @@ function entryOf(app, { name, path, kind }) {
   );
 }
 
+/** The field for the rate of a folder of images, which carry no times. */
+function rateOf(app, { name, fps }) {
+  const input = el("input", { type: "number", id: `fps-${name}`, min: 0, step: "any", value: fps, onchange: () => setNumber(app, `cameras.${name}.fps`, Number(input.value)) });
+  const isGuess = isGuessed(app, `cameras.${name}.fps`);
+  const accept = isGuess && button("It is right", () => setNumber(app, `cameras.${name}.fps`, fps), { id: `accept-fps-${name}` });
+  return el("p", { class: "row" }, field(`${name}: images per second`, input, isGuess && "This is a guess. Speeds are wrong by as many per cent as it is."), accept);
+}
+
+const isGuessed = (app, key) => app.state.guesses.some((guess) => guess.key === key);
+
 export const sources = {
   id: "sources",
   title: "Sources",
   showsAll: true,
   isBegun: ({ state }) => state.cameras.length > 0,
-  isDone: ({ state }) => state.cameras.length > 0,
+  isDone: ({ state }) => state.cameras.length > 0 && !state.guesses.some(({ step }) => step === "sources"),
   hint: ({ state }) =>
     state.cameras.length === 0
       ? "Choose what shows the object: a camera, a video, or a folder of images."
@@ -62,11 +73,12 @@ export const sources = {
     const added = app.state.cameras.map(({ name, input }) =>
       el("li", {}, el("span", { class: "name", title: input }, el("strong", {}, name), " ", input), button("Remove", () => app.change("remove", { kind: "cameras", name }), { "aria-label": `Remove ${name}` })),
     );
+    const rates = app.state.cameras.filter(({ fps }) => fps !== null).map((camera) => rateOf(app, camera));
     const found = (devices ?? []).map(({ input, name }) => el("li", {}, el("span", { class: "name" }, el("strong", {}, name), " ", input), button("Add", () => add(app, input), { "aria-label": `Add ${name}` })));
     const entries = (listing?.entries ?? []).filter(({ kind }) => ["folder", "video", "image", "recording"].includes(kind));
     const folder = listing?.folder;
     return [
-      added.length > 0 && [el("h3", {}, "In the scene"), el("ul", { class: "rows" }, added)],
+      added.length > 0 && [el("h3", {}, "In the scene"), el("ul", { class: "rows" }, added), rates],
       el("h3", {}, "Cameras of this computer"),
       found.length > 0 ? el("ul", { class: "rows" }, found) : el("p", { class: "none" }, "None was found. Network cameras are added by their address."),
       el(

@@ -40,7 +40,8 @@ function form(app, target) {
   const unit = unitOf.get(name) ?? "cm";
   const inputs = shape.sizes.map((size) => {
     const value = Number((sizeOf(target.shape[kind], size) / UNITS[unit]).toPrecision(6));
-    return el("input", { type: "number", id: `${size.id}-${name}`, min: 0, step: "any", value });
+    // Other shapes are set as a whole.
+    return el("input", { type: "number", id: `${size.id}-${name}`, min: 0, step: "any", value, onchange: kind === now && ((event) => set(event)) });
   });
   const pick = (map) => (one) => { map.set(name, one); app.render(); };
   const kinds = choice(Object.entries(SHAPES).map(([key, { title }]) => [key, title]), kind, pick(kindOf), { id: `kind-${name}` });
@@ -53,7 +54,7 @@ function form(app, target) {
       if (place === undefined) sizes[key] = value;
       else (sizes[key] ??= [])[place] = value;
     });
-    app.change("set_shape", { target: name, kind, sizes }).then((answer) => answer && kindOf.delete(name));
+    app.change("set_shape", { target: name, kind, sizes }).then((answer) => (answer ? kindOf.delete(name) : app.render()));
   };
   const last = inputs.length - 1;
   const isGuess = app.state.guesses.some(({ key }) => key.startsWith(`targets.${name}.`));

@@ -5,7 +5,7 @@ import { button, el, fixed } from "../elements.js";
 import { drawMarks } from "../picture.js";
 import { compareControl, settingsControl } from "./compare.js";
 import { recordControl, recordedText, recordingControl, records } from "./record.js";
-import { canReplay, replayBar, updateReplay } from "./replay.js";
+import { canReplay, replayBar, replayedNow, updateReplay } from "./replay.js";
 
 /** How often rows are fetched while the viewer is shown. */
 const FETCH_MS = 200;
@@ -88,13 +88,13 @@ const COLORS = { tracking: "good", occluded: "fair", lost: "bad", searching: "fa
 
 function targetRow({ name, state, confidence, position_m: at, sigma_m: sigma }) {
   const meter = el("meter", { min: 0, max: 1, low: 0.3, high: 0.7, optimum: 1, value: confidence, "aria-label": "Confidence" });
-  const axes = ["x", "y", "z"].map((axis, i) => el("tr", {}, el("th", { scope: "row" }, axis), el("td", {}, fixed(at?.[i], 3)), el("td", {}, sigma ? `± ${fixed(1000 * sigma[i], 0)} mm` : "")));
+  const axes = ["x", "y", "z"].map((axis, i) => el("tr", {}, el("th", { scope: "row" }, axis), el("td", {}, fixed(at?.[i], 3)), el("td", {}, sigma ? `± ${fixed(2000 * sigma[i], 0)} mm` : "")));
   return el(
     "section",
     { class: "target", "data-target": name },
     el("h3", {}, name, " ", el("span", { class: `state ${COLORS[state] ?? ""}` }, state)),
     el("p", { class: "confidence" }, meter, ` ${Math.round(100 * confidence)} % certain`),
-    el("table", {}, axes),
+    el("table", {}, el("thead", {}, el("tr", {}, ["", "in m", "± 2σ"].map((head) => el("th", { scope: "col" }, head)))), axes),
   );
 }
 
@@ -141,6 +141,7 @@ export const track = {
     return host;
   },
   leave: closeViewer,
+  seen: (app, topic) => isReplay && topic.startsWith("image/") && updateNow(app),
   told: (app, topic, value) => {
     if (topic === "track") updateNow(app);
     if (topic.startsWith("source/") && isReplay && canReplay(app)) updateReplay(app);
@@ -181,9 +182,13 @@ export const track = {
 function nowOf(app) {
   const now = app.latest.get("track");
   if (!app.state.run || !now) return [];
+  if (isReplay && canReplay(app)) {
+    const about = replayedNow(app);
+    return about?.targets ? [el("p", { class: "time" }, `Frame ${about.index}, ${fixed(about.time_s, 2)} s, replayed`), ...about.targets.map(targetRow)] : [];
+  }
   const age = now.age_s === null ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
   const recorded = app.state.run.goes_on && now.recording ? recordedText(now.recording) : [];
-  return [...recorded, el("p", { class: "time" }, `Frame ${now.frame + 1}, ${fixed(now.time_s, 2)} s${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
+  return [...recorded, el("p", { class: "time" }, `Frame ${now.frame}, ${fixed(now.time_s, 2)} s${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
 }
 
 function updateNow(app) {

@@ -91,7 +91,8 @@ pub(super) fn compare(
         tracks: &rows[run],
         summary: summaries[run].as_ref(),
     });
-    let comparison = report::compare(ours, theirs)?;
+    let mut comparison = report::compare(ours, theirs)?;
+    comparison.other_is_earlier = true;
     let sizes = summaries[1].iter().flat_map(report::diameters_m);
     show(Outlined {
         tracks: read_tracks(&rows[1])?,

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result};
 use pardalis::Frame;
+use pardalis_scene::FrameRange;
 use pardalis_studio::Feed;
 use serde_json::{Value, json};
 
@@ -40,7 +41,8 @@ pub(super) struct Player {
     /// The settings of its source, by which changes are recognised.
     config: SourceConfig,
     is_live: bool,
-    thread: Option<JoinHandle<()>>,
+    /// Returns the source of a live camera that was open at the end.
+    thread: Option<JoinHandle<Option<Source>>>,
 }
 
 #[derive(Debug)]
@@ -53,11 +55,6 @@ struct Shared {
     orders: Mutex<Orders>,
     ordered: Condvar,
     seen: Mutex<Seen>,
-}
-
-/// Reports whether two sources have the same settings.
-pub(super) fn shows_same(a: &SourceConfig, b: &SourceConfig) -> bool {
-    format!("{a:?}") == format!("{b:?}")
 }
 
 /// What the page wants to see.
@@ -108,10 +105,13 @@ impl Player {
                 let (shared, config) = (Arc::clone(&shared), config.clone());
                 move || {
                     let mut open = open;
-                    while let Err(error) = shared.play(&config, open.take()) {
-                        shared.fail(format!("{error:#}"));
+                    loop {
+                        match shared.play(&config, open.take()) {
+                            Ok(source) => return source,
+                            Err(error) => shared.fail(format!("{error:#}")),
+                        }
                         if !is_live || shared.is_stopped_after(RETRY) {
-                            break;
+                            return None;
                         }
                     }
                 }
@@ -127,7 +127,18 @@ impl Player {
 
     /// Reports whether it shows this source.
     pub(super) fn shows(&self, config: &SourceConfig) -> bool {
-        shows_same(&self.config, config)
+        self.config.is_same(config)
+    }
+
+    /// Ends it; returns the source of a live camera with its settings, for whoever takes its frames from now on. `None` if it is not open, or if its first
+    /// frames matter and are gone.
+    pub(super) fn into_source(mut self) -> Option<(SourceConfig, Source)> {
+        self.shared.stop.request();
+        // A panic has been reported.
+        let mut source = self.thread.take()?.join().ok()??;
+        source.count_anew();
+        let is_whole = self.config.frames == FrameRange::ALL;
+        is_whole.then(|| (self.config.clone(), source))
     }
 
     pub(super) fn is_live(&self) -> bool {
@@ -261,7 +272,8 @@ impl Shared {
         self.stop.is_requested()
     }
 
-    fn play(&self, config: &SourceConfig, open: Option<Source>) -> Result<()> {
+    /// Shows the frames of a source until it is stopped; returns it if it is live.
+    fn play(&self, config: &SourceConfig, open: Option<Source>) -> Result<Option<Source>> {
         let source = match open {
             Some(source) => source,
             None => Source::open_until(config, &self.stop)?,
@@ -270,21 +282,21 @@ impl Shared {
         self.seen().error = None;
         self.feed.show("changed", &json!(self.camera));
         if source.is_live() {
-            self.play_live(source)
+            self.play_live(source).map(Some)
         } else {
             drop(source);
-            self.play_recorded(config)
+            self.play_recorded(config).map(|()| None)
         }
     }
 
-    /// Takes every frame, and shows some.
-    fn play_live(&self, mut source: Source) -> Result<()> {
+    /// Takes every frame, and shows some, until it is stopped. Returns the source.
+    fn play_live(&self, mut source: Source) -> Result<Source> {
         let mut statistics = Statistics::default();
         let mut next_s = now_s();
         let mut arrived = Stopwatch::start();
         loop {
             if self.stop.is_requested() {
-                return Ok(());
+                return Ok(source);
             }
             match source.poll_next() {
                 Poll::Pending => std::thread::sleep(POLL),
@@ -387,8 +399,8 @@ impl Shared {
     }
 
     fn show(&self, number: usize, frame: Frame) -> Result<()> {
-        let marks = self.replayed.marks(&self.camera, frame.time_s());
-        let about = json!({ "index": number, "time_s": frame.time_s(), "marks": marks });
+        let [marks, targets] = self.replayed.at(&self.camera, frame.time_s());
+        let about = json!({ "index": number, "time_s": frame.time_s(), "marks": marks, "targets": targets });
         let jpeg = jpeg_of(&picture_of(&frame))?;
         self.seen().shown = Some((number, frame));
         let topic = format!("image/{}", self.camera);

@@ -30,6 +30,28 @@ pub(super) struct State {
     pub(super) what: String,
 }
 
+impl State {
+    /// Reports whether another state differs from this one in nothing but its name.
+    fn is_same(&self, other: &Self) -> bool {
+        let labels = |state: &Self| -> Vec<_> {
+            let samples = state.samples.iter();
+            let samples =
+                samples.flat_map(|(target, samples)| samples.iter().map(move |one| (target, one)));
+            samples
+                .map(|(target, one)| {
+                    (
+                        target.clone(),
+                        one.camera.clone(),
+                        one.number,
+                        one.outline_px.clone(),
+                    )
+                })
+                .collect()
+        };
+        self.text == other.text && self.files == other.files && labels(self) == labels(other)
+    }
+}
+
 /// A scene that is edited.
 #[derive(Debug)]
 pub(super) struct Project {
@@ -112,8 +134,11 @@ impl Project {
         (undone, self.after.last().map(|state| &*state.what))
     }
 
-    /// Goes to another state. What was undone before is lost.
+    /// Goes to another state, unless it is the same. What was undone before is lost.
     pub(super) fn edit(&mut self, state: State) -> Result<()> {
+        if state.is_same(&self.now) {
+            return Ok(());
+        }
         self.write_files(&state)?;
         self.before.push(std::mem::replace(&mut self.now, state));
         if self.before.len() > MAX_STATES {
@@ -216,6 +241,8 @@ mod tests {
         edit(&mut project, "a", "red");
         edit(&mut project, "b", "blue");
         assert_eq!(project.steps(), (Some("to b"), None));
+        // Nothing to undo.
+        edit(&mut project, "b", "blue");
         project.undo().unwrap();
         assert_eq!((&*project.now().text, &*colors()), ("a", "red"));
         assert_eq!(project.steps(), (Some("to a"), Some("to b")));

@@ -7,10 +7,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::Result;
 use pardalis::Tracker;
 use pardalis::shape::Stance;
+use pardalis::tracker::TrackState;
 use pardalis::view::View;
 use pardalis_camera::Pose;
 use pardalis_scene::TargetConfig;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::draw::overlay::{Mark, Shape};
 use crate::tables::{Series, TrackRow, read_tracks};
@@ -35,14 +36,15 @@ impl Replayed {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = replay;
     }
 
-    /// Returns what is drawn over the image of a camera at a time; none without a run.
-    pub(super) fn marks(&self, camera: &str, time_s: f64) -> Value {
+    /// Returns what is drawn over the image of a camera at a time, and the targets then, as in a run; neither without a run.
+    pub(super) fn at(&self, camera: &str, time_s: f64) -> [Value; 2] {
         let replay = self
             .0
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .clone();
-        replay.map_or(Value::Null, |replay| replay.marks(camera, time_s))
+        let at = |replay: Arc<Replay>| [replay.marks(camera, time_s), replay.targets(time_s)];
+        replay.map_or([Value::Null, Value::Null], at)
     }
 }
 
@@ -130,6 +132,23 @@ impl Replay {
         runs.into_iter().flat_map(outlined).collect()
     }
 
+    /// Returns the state of each target at a time: see [`Watch`](crate::tracking::Watch).
+    fn targets(&self, time_s: f64) -> Value {
+        let targets = self.run.tracks.iter().filter_map(|track| {
+            let (_, row) = row_at(&track.rows, time_s)?;
+            let estimate = row.estimate.as_ref();
+            let covariance_m2 = estimate.and_then(|estimate| estimate.covariance_m2);
+            Some(json!({
+                "name": track.name,
+                "state": row.state.map(TrackState::name),
+                "confidence": row.confidence,
+                "position_m": estimate.map(|estimate| estimate.position_m),
+                "sigma_m": covariance_m2.map(|m2| [0, 3, 5].map(|i| m2[i].sqrt())),
+            }))
+        });
+        targets.collect()
+    }
+
     /// Returns the outline of a target at a time; none of landmarks, of which rows say too little.
     fn outline(
         &self,
@@ -138,10 +157,9 @@ impl Replay {
         time_s: f64,
         (view, camera_from_world): (&View, &Pose),
     ) -> Option<Vec<Option<[f64; 2]>>> {
-        let rows = &track.rows;
-        let (at_s, row) = rows.get(rows.partition_point(|row| row.0 < time_s - SAME_TIME_S))?;
+        let (at_s, row) = row_at(&track.rows, time_s)?;
         let later_s = at_s - time_s;
-        let estimate = row.estimate.filter(|_| later_s < MAX_LATER_S)?;
+        let estimate = row.estimate?;
         let target = self.target(&track.name)?;
         let [body] = &*target.bodies else {
             return None;
@@ -175,4 +193,10 @@ impl Replay {
         };
         self.targets.iter().find(is_of)
     }
+}
+
+/// Returns the row of the frame set that has an image of this time, with its own time in seconds.
+fn row_at(rows: &[(f64, TrackRow)], time_s: f64) -> Option<&(f64, TrackRow)> {
+    let row = rows.get(rows.partition_point(|row| row.0 < time_s - SAME_TIME_S))?;
+    (row.0 - time_s < MAX_LATER_S).then_some(row)
 }

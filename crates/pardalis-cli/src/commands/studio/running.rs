@@ -14,6 +14,8 @@ use crate::arguments::Threads;
 use crate::commands::run_report;
 use crate::interrupt::Stop;
 use crate::output::Shown as _;
+use crate::scene::{self, Live};
+use crate::source::{Source, SourceConfig};
 use crate::tracking::{
     self, Annotate, Limit, Options, Output, Previous, ROWS, Recording, Run, Watch,
 };
@@ -49,12 +51,13 @@ struct Done {
 }
 
 impl Running {
+    /// Starts a run, with the live cameras that are open already. `ended` gets those that are open at its end.
     pub(super) fn start(
         path: &Path,
         scene: Scene,
         watch: Watch,
-        recording: Option<Recording>,
-        ended: impl FnOnce() + Send + 'static,
+        (recording, open): (Option<Recording>, Vec<(SourceConfig, Source)>),
+        ended: impl FnOnce(Vec<(SourceConfig, Source)>) + Send + 'static,
     ) -> Result<Self> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let folder = path.with_file_name(format!("{stem}-tracks"));
@@ -84,7 +87,14 @@ impl Running {
         let thread = std::thread::Builder::new()
             .name("run".to_owned())
             .spawn(move || {
-                let run = tracking::run_scene(&path, scene, &options);
+                let mut live = Live {
+                    stop: stopped.clone(),
+                    open,
+                };
+                let mut run = scene::open_with(&path, scene, None, &[], &mut live)
+                    .and_then(|open| tracking::run_open(&path, open, &options));
+                let open = run.as_mut().map(|run| live_sources(run, &path));
+                let open = open.unwrap_or_default();
                 recorded.iter().for_each(Recording::finish);
                 let outcome = match run {
                     Ok(run) => {
@@ -110,7 +120,7 @@ impl Running {
                     Err(error) => Outcome::Failed(format!("{error:#}")),
                 };
                 *result.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
-                ended();
+                ended(open);
             });
         Ok(Self {
             watch,
@@ -171,6 +181,16 @@ impl Running {
         }
         about
     }
+}
+
+/// Takes the live sources from a run of the scene in the file at `path`, with their settings.
+fn live_sources(run: &mut Run, path: &Path) -> Vec<(SourceConfig, Source)> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let sources = run.open.sources.drain(..);
+    let sources = run.open.scene.cameras.iter().zip(sources);
+    let live = sources.filter(|(_, source)| source.is_live());
+    live.filter_map(|(camera, source)| Some((scene::source_config(camera, folder).ok()?, source)))
+        .collect()
 }
 
 /// Returns the radii that the cameras estimated, and whether they contradict the scene.

@@ -107,12 +107,15 @@ impl Session {
         } else {
             None
         };
-        // Live cameras can be open only once.
-        inner.players.retain(|_, player| !player.is_live());
+        // Live cameras can be open only once, and some senders serve one connection.
+        let live = inner.players.extract_if(.., |_, player| player.is_live());
+        let open = live.filter_map(|(_, player)| player.into_source());
+        let open = open.collect();
         let session = Weak::clone(&self.me);
         self.replayed.set(None);
-        let ended = move || {
+        let ended = move |open| {
             if let Some(session) = session.upgrade() {
+                session.inner().open = open;
                 let replay = session.inner().running.as_ref().and_then(Running::replay);
                 session.replayed.set(replay);
                 session.follow();
@@ -123,7 +126,7 @@ impl Session {
             &path,
             scene,
             Watch::of(&self.feed, &self.lines),
-            recording,
+            (recording, open),
             ended,
         )?);
         Ok(())

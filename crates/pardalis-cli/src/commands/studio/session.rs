@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::collected::Held;
 use super::places::Places;
-use super::player::{Player, shows_same};
+use super::player::Player;
 use super::project::{Project, State};
 use super::replay::Replayed;
 use super::running::Running;
@@ -41,8 +41,8 @@ pub(super) struct Inner {
     pub(super) project: Project,
     /// The pictures of cameras, by their names.
     pub(super) players: BTreeMap<String, Player>,
-    /// The source of a live camera that is being added. Opening it again would take seconds, or fail.
-    pub(super) open: Option<(SourceConfig, Source)>,
+    /// The sources of live cameras that were just added or tracked. Opening them again would take seconds, or fail.
+    pub(super) open: Vec<(SourceConfig, Source)>,
     /// The colours that were learnt from the present samples of targets, by their names.
     pub(super) learnt: BTreeMap<String, Learnt>,
     pub(super) running: Option<Running>,
@@ -63,7 +63,7 @@ impl Session {
             inner: Mutex::new(Inner {
                 project,
                 players: BTreeMap::new(),
-                open: None,
+                open: Vec::new(),
                 learnt: BTreeMap::new(),
                 running: None,
                 held: None,
@@ -192,13 +192,13 @@ impl Session {
             wanted.get(name).is_some_and(|config| player.shows(config))
         };
         inner.players.retain(is_wanted);
-        let mut open = inner.open.take();
+        let mut open = std::mem::take(&mut inner.open);
         for (name, config) in wanted {
             if inner.players.contains_key(&name) {
                 continue;
             }
-            let is_open = |(other, _): &mut (SourceConfig, Source)| shows_same(other, &config);
-            let source = open.take_if(is_open).map(|(_, source)| source);
+            let number = open.iter().position(|(other, _)| other.is_same(&config));
+            let source = number.map(|number| open.swap_remove(number).1);
             if let Ok(player) = Player::start(&name, config, source, (&self.feed, &self.replayed)) {
                 inner.players.insert(name, player);
             }

@@ -134,6 +134,7 @@ impl Inner {
             "source": player.map(super::player::Player::about),
             "model": camera.camera.kind(),
             "calibration": calibration,
+            "fps": table.as_ref().and_then(|table| table.get("fps")?.as_float()),
             "fov_deg": fov_deg,
             "position_m": camera.position_m(),
             "has_pose": camera.has_pose,
@@ -148,6 +149,9 @@ impl Inner {
         let samples = samples.into_iter().flatten().map(|sample| {
             json!({ "camera": sample.camera, "frame": sample.number, "outline_px": sample.outline_px })
         });
+        let learnt = self.learnt.get(&target.name).map(|learnt| {
+            json!({ "found": learnt.found, "mistaken": learnt.mistaken, "failed": learnt.failed })
+        });
         let colors = body.colors.as_ref().map(|file| &file.value);
         let has_colors = colors.is_some_and(|file| self.project.folder().join(file).is_file());
         json!({
@@ -158,6 +162,7 @@ impl Inner {
             "colors": colors,
             "has_colors": has_colors,
             "samples": samples.collect::<Vec<_>>(),
+            "learnt": learnt,
         })
     }
 

@@ -107,7 +107,7 @@ impl Session {
             size: source.size(),
             input: Input::Video,
         };
-        self.inner().open = Some((config, source));
+        self.inner().open = vec![(config, source)];
         Ok(CameraText::guessed(
             Model::Pinhole,
             &Fov::Unknown,
@@ -231,11 +231,12 @@ impl Session {
         change: impl FnOnce(&mut Vec<Sample>) -> Result<()>,
     ) -> Result<()> {
         let file = self.inner().colors_file(target)?;
+        let mut learnt = None;
         self.edit(&format!("targets.{target}.colors"), what, |state| {
             let samples = state.samples.entry(target.to_owned()).or_default();
             change(samples)?;
             if !samples.is_empty() {
-                let learnt = learn_samples(samples)?;
+                let learnt = learnt.insert(learn_samples(samples)?);
                 // A model that was not learnt here stays as it is.
                 let is_own = state.files.contains_key(&file) || !file.exists();
                 if !is_own {
@@ -247,7 +248,10 @@ impl Session {
                 state.files.insert(file, learnt.model.to_text().into());
             }
             Ok(())
-        })
+        })?;
+        let learnt = learnt.map(|learnt| (target.to_owned(), learnt));
+        self.inner().learnt.extend(learnt);
+        Ok(())
     }
 
     /// Shows what in the picture of a camera has the colours of a target.

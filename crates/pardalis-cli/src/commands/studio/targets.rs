@@ -27,7 +27,7 @@ pub(super) struct NewTarget {
 pub(super) struct SetNumber {
     /// Its full key.
     key: String,
-    value: i64,
+    value: f64,
 }
 
 /// The shape of a target, as in the scene.
@@ -113,31 +113,49 @@ impl Session {
 }
 
 impl Session {
-    /// Sets the seed of the scene, or the number of particles of a target.
+    /// Sets the seed of the scene, the number of particles of a target, or the rate of the images of a camera.
     pub(super) fn set_number(&self, set: &SetNumber) -> Result<()> {
         let SetNumber { key, value } = set;
         let path: Vec<&str> = key.split('.').collect();
-        match path[..] {
-            ["seed"] => {}
+        let is_whole = match path[..] {
+            ["seed"] => true,
             ["targets", name, "filter", "particles"] => {
-                if self.inner().table_of("targets", name).is_none() {
-                    return Err(user_error!("targets.{name}: is not in the scene"));
-                }
+                self.inner().table_in_scene("targets", name)?;
+                true
+            }
+            ["cameras", name, "fps"] => {
+                self.inner().table_in_scene("cameras", name)?;
+                false
             }
             _ => {
                 return Err(user_error!(
-                    "{key}: allowed: seed, targets.NAME.filter.particles"
+                    "{key}: allowed: seed, targets.NAME.filter.particles, cameras.NAME.fps"
                 ));
             }
+        };
+        // Larger ones have no digits after the point.
+        let is_integer = value.fract() == 0.0 && value.abs() < 1e15;
+        if is_whole && !is_integer {
+            return Err(user_error!("{key}: {value} is no whole number"));
         }
+        let value = if is_whole {
+            Value::from(*value as i64)
+        } else {
+            Value::from(*value)
+        };
         self.edit(key, format!("{key} {value}"), |state| {
-            state.text = with_value(&state.text, &path, *value)?.into();
+            state.text = with_value(&state.text, &path, value)?.into();
             Ok(())
         })
     }
 }
 
 impl Inner {
+    fn table_in_scene(&self, kind: &str, name: &str) -> Result<toml::Table> {
+        self.table_of(kind, name)
+            .ok_or_else(|| user_error!("{kind}.{name}: is not in the scene"))
+    }
+
     /// Reports whether a target is a ball, or not known well enough to be something else.
     pub(super) fn is_ball(&self, target: &str) -> bool {
         let targets = self.parts().scene.targets;

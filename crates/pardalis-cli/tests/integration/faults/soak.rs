@@ -1,5 +1,5 @@
-//! The soak: two cameras far faster than real time through the whole program, with faults at random, while memory, handles and
-//! threads are watched. `scripts/soak` runs it for long.
+//! The soak: two cameras far faster than real time through the whole program, with faults at random, while memory, handles,
+//! threads and the delay of estimates are watched. `scripts/soak` runs it for long.
 #![expect(
     clippy::disallowed_methods,
     reason = "cameras have the clock of this computer, and a soak lasts for a time"
@@ -7,19 +7,20 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
-use std::io::{Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::io::Write;
+use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::sync_channel;
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use super::camera::{Stream, stand_in, with_stand_in, write_frame};
 use super::process::{Usage, usage};
-use crate::common::run::{HEADER, interrupt};
+use crate::common::run::interrupt;
 use crate::common::{Run, Workplace, rows_in};
 
 /// Width and height of the images in pixels.
@@ -55,11 +56,14 @@ color_srgb = [225, 70, 130]
 path.circle = { center_m = [0.5, 0.5, 0.15], radius_m = 0.12, period_s = 2 }
 ";
 
-/// How long the cameras wait for a row before they take the next images. Faults cost rows.
-const PATIENCE: Duration = Duration::from_millis(50);
+/// Images that cameras of 25 images per second give in an hour.
+const IMAGES_IN_AN_HOUR: usize = 25 * 3600;
 
-/// Rows between two looks at memory, handles and threads.
-const LOOK_ROWS: usize = 100;
+/// Images of each camera between two looks at memory, handles and threads.
+const LOOK_IMAGES: usize = 100;
+
+/// How long a thread waits before it looks whether the soak has ended.
+const POLL: Duration = Duration::from_millis(100);
 
 /// Frames that a camera must have delivered without a fault before handles and threads count.
 const CALM_FRAMES: usize = 100;
@@ -248,10 +252,10 @@ impl Random {
 /// How long and how hard.
 struct Settings {
     seed: u64,
-    /// The soak ends after this many rows, ...
-    rows: usize,
-    /// ... or after this many seconds, if that is sooner.
-    seconds: u64,
+    /// Images of each camera.
+    images: usize,
+    /// The time between two of them.
+    interval: Duration,
     mean_frames_between_faults: usize,
     /// Whether the installed ffmpeg reads the cameras, and not a stand-in.
     ffmpeg: bool,
@@ -262,16 +266,13 @@ struct Report {
     run: Run,
     /// What it wrote to standard error.
     errors: String,
-    rows: usize,
     seconds: f64,
     /// Seconds since the start and the use at that time, while no fault was about.
     calm: Vec<(f64, Usage)>,
     /// The same at any time.
     all: Vec<(f64, Usage)>,
-    /// The time from the images to the row, in seconds.
-    steps_s: Vec<f32>,
-    /// How often no row came within [`PATIENCE`].
-    without_row: usize,
+    /// How old each estimate was when it was sent, in seconds.
+    delays_s: Vec<f32>,
     faults: BTreeMap<Fault, usize>,
     place: Workplace,
 }
@@ -354,9 +355,11 @@ fn cameras(place: &Workplace, settings: &Settings) -> Vec<Camera> {
 }
 
 /// Starts the program on the cameras.
-fn start(place: &Workplace, settings: &Settings) -> Child {
+fn start(place: &Workplace, settings: &Settings, receiver: &UdpSocket) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
     command.args(["track", "world/live.toml", "-o", "out", "--threads", "2"]);
+    let to = receiver.local_addr().unwrap();
+    command.args(["--send", &format!("udp://{to}")]);
     command.current_dir(place.path(""));
     if !settings.ffmpeg {
         command = with_stand_in(place, command);
@@ -369,7 +372,25 @@ fn start(place: &Workplace, settings: &Settings) -> Child {
         .unwrap()
 }
 
-/// Runs the soak: both cameras take an image, the program writes its row, and so on.
+/// Starts a thread that receives the estimates until the soak has ended. It returns how old each was when it was sent, in seconds.
+fn receive(receiver: UdpSocket, has_ended: Arc<AtomicBool>) -> JoinHandle<Vec<f32>> {
+    receiver.set_read_timeout(Some(POLL)).unwrap();
+    thread::spawn(move || {
+        let mut delays_s = Vec::new();
+        let mut bytes = [0; 4096];
+        while !has_ended.load(Ordering::Relaxed) {
+            let Ok(length) = receiver.recv(&mut bytes) else {
+                continue;
+            };
+            let line: serde_json::Value = serde_json::from_slice(&bytes[..length]).unwrap();
+            let second = |key: &str| line[key].as_f64().unwrap();
+            delays_s.push((second("sent_unix_s") - second("captured_unix_s")) as f32);
+        }
+        delays_s
+    })
+}
+
+/// Runs the soak: both cameras take images at a constant rate.
 fn soak(settings: &Settings) -> Report {
     let place = Workplace::with_frames(0);
     let cameras = cameras(&place, settings);
@@ -377,17 +398,18 @@ fn soak(settings: &Settings) -> Report {
         .iter()
         .map(|camera| Arc::clone(&camera.calm_frames))
         .collect();
-    let mut program = start(&place, settings);
+    let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let mut program = start(&place, settings, &receiver);
+    let has_ended = Arc::new(AtomicBool::new(false));
+    let delays_s = receive(receiver, Arc::clone(&has_ended));
     let begin = Instant::now();
-    let mut rows = Rows::of(place.path("out/tracks.csv"));
-    let (mut calm, mut all, mut steps_s) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut looked_at, mut without_row) = (0, 0);
+    let (mut calm, mut all) = (Vec::new(), Vec::new());
     // A camera that nobody reads must not stop the other one.
     let (senders, threads): (Vec<_>, Vec<_>) = cameras
         .into_iter()
         .map(|mut camera| {
             let (sender, times_s) = sync_channel(4);
-            let thread = std::thread::spawn(move || {
+            let thread = thread::spawn(move || {
                 for time_s in times_s {
                     camera.send(time_s);
                 }
@@ -396,25 +418,14 @@ fn soak(settings: &Settings) -> Report {
             (sender, thread)
         })
         .unzip();
-    while rows.count < settings.rows
-        && begin.elapsed().as_secs() < settings.seconds
-        && program.try_wait().unwrap().is_none()
-    {
-        let taken = Instant::now();
+    for image in 0..settings.images {
+        let time_s = image as f64 * settings.interval.as_secs_f64();
+        thread::sleep(Duration::from_secs_f64(time_s).saturating_sub(begin.elapsed()));
         for sender in &senders {
             // A full queue loses the image, as a camera does.
-            let _ = sender.try_send(begin.elapsed().as_secs_f64());
+            let _ = sender.try_send(time_s);
         }
-        while !rows.have_grown() && taken.elapsed() < PATIENCE {
-            std::thread::sleep(Duration::from_micros(100));
-        }
-        if taken.elapsed() < PATIENCE {
-            steps_s.push(taken.elapsed().as_secs_f32());
-        } else {
-            without_row += 1;
-        }
-        if rows.count >= looked_at + LOOK_ROWS {
-            looked_at = rows.count;
+        if image % LOOK_IMAGES == 0 {
             let Some(usage) = usage(program.id()) else {
                 break;
             };
@@ -433,6 +444,7 @@ fn soak(settings: &Settings) -> Report {
         Some(_) => Run::from(program.wait_with_output().unwrap()),
         None => interrupt(program),
     };
+    has_ended.store(true, Ordering::Relaxed);
     let errors = fs::read_to_string(place.path("errors")).unwrap();
     drop(senders);
     let mut faults = BTreeMap::new();
@@ -445,63 +457,30 @@ fn soak(settings: &Settings) -> Report {
     Report {
         run,
         errors,
-        rows: rows.count,
         seconds,
         calm,
         all,
-        steps_s,
-        without_row,
+        delays_s: delays_s.join().unwrap(),
         faults,
         place,
     }
 }
 
-/// The rows of a growing file.
-struct Rows {
-    path: PathBuf,
-    file: Option<File>,
-    count: usize,
-    bytes: Vec<u8>,
-}
-
-impl Rows {
-    fn of(path: PathBuf) -> Self {
-        Self {
-            path,
-            file: None,
-            count: 0,
-            bytes: vec![0; 1 << 16],
-        }
-    }
-
-    /// Counts the rows that were added. Reports whether there are any.
-    fn have_grown(&mut self) -> bool {
-        let Some(file) = &mut self.file else {
-            let header = fs::read_to_string(&self.path).unwrap_or_default();
-            if header.ends_with('\n') {
-                let mut file = File::open(&self.path).unwrap();
-                file.read_exact(&mut vec![0; HEADER.len() + 1]).unwrap();
-                self.file = Some(file);
-            }
-            return false;
-        };
-        let length = file.read(&mut self.bytes).unwrap();
-        let added = self.bytes[..length].split(|byte| *byte == b'\n').count() - 1;
-        self.count += added;
-        added > 0
-    }
-}
-
 impl Report {
-    /// Checks what holds for a soak of any length: it ends regularly, rows are whole and in order, and memory, handles and threads do not
-    /// grow after the first `first_s` seconds.
+    /// Checks what holds for a soak of any length: it ends regularly, rows are whole and in order, estimates are sent, and memory, handles and
+    /// threads do not grow after the first `first_s` seconds.
     fn check(&self, first_s: f64) {
         assert!(!self.all.is_empty(), "{}", self.errors);
         assert_eq!(self.run.code, Some(0), "{}", self.errors);
         assert!(!self.errors.contains("panicked"), "{}", self.errors);
         let text = fs::read_to_string(self.place.path("out/tracks.csv")).unwrap();
         let rows = rows_in(&text);
-        assert!(rows.len() >= self.rows, "{} of {}", rows.len(), self.rows);
+        assert!(
+            2 * self.delays_s.len() > rows.len() && self.delays_s.len() <= rows.len(),
+            "{} sent of {}",
+            self.delays_s.len(),
+            rows.len()
+        );
         assert!(
             rows.iter()
                 .enumerate()
@@ -541,7 +520,6 @@ impl Report {
     /// Prints the figures.
     fn print(&self, settings: &Settings, first_s: f64) {
         let (before, after) = self.memory_kib(first_s);
-        let hours = self.rows as f64 / 25.0 / 3600.0;
         println!(
             "seed: {}; ffmpeg: {}",
             settings.seed,
@@ -552,10 +530,10 @@ impl Report {
             }
         );
         println!(
-            "rows: {} in {:.0} s ({:.0} per second), {hours:.2} hours at 25 per second",
-            self.rows,
+            "images of each camera: {} in {:.0} s, {:.2} hours at 25 per second",
+            settings.images,
             self.seconds,
-            self.rows as f64 / self.seconds
+            settings.images as f64 / IMAGES_IN_AN_HOUR as f64
         );
         println!(
             "faults: {} {:?}",
@@ -569,19 +547,18 @@ impl Report {
                 first.handles, last.handles, first.threads, last.threads
             );
         }
-        let hour = (25 * 3600).min(self.steps_s.len() / 2);
-        let percentiles_ms = |steps_s: &[f32]| {
-            let mut sorted = steps_s.to_vec();
+        let hour = IMAGES_IN_AN_HOUR.min(self.delays_s.len() / 2);
+        let percentiles_ms = |delays_s: &[f32]| {
+            let mut sorted = delays_s.to_vec();
             sorted.sort_by(f32::total_cmp);
             [50, 99].map(|percent| 1e3 * sorted[(sorted.len() - 1) * percent / 100])
         };
-        let [first_median, first] = percentiles_ms(&self.steps_s[..hour]);
-        let [last_median, last] = percentiles_ms(&self.steps_s[self.steps_s.len() - hour..]);
+        let [first_median, first] = percentiles_ms(&self.delays_s[..hour]);
+        let [last_median, last] = percentiles_ms(&self.delays_s[self.delays_s.len() - hour..]);
         println!(
-            "time from images to row, first {hour}: median {first_median:.2} ms, p99 {first:.2} ms; last {hour}: median {last_median:.2} ms, p99 {last:.2} ms ({:+.1} %)",
+            "age of estimates when sent, first {hour}: median {first_median:.2} ms, p99 {first:.2} ms; last {hour}: median {last_median:.2} ms, p99 {last:.2} ms ({:+.1} %)",
             100.0 * (last / first - 1.0)
         );
-        println!("no row within 50 ms: {} times", self.without_row);
         let summary = fs::read_to_string(self.place.path("out/summary.json")).unwrap();
         let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
         println!("summary: {}", summary["time"]);
@@ -600,15 +577,15 @@ impl Report {
 fn memory_handles_and_threads_stay_as_they_are_whatever_cameras_do() {
     let settings = Settings {
         seed: 1,
-        rows: 3000,
-        seconds: 25,
+        images: 5000,
+        interval: Duration::from_millis(5),
         mean_frames_between_faults: 250,
         ffmpeg: false,
     };
     let report = soak(&settings);
     report.print(&settings, report.seconds / 3.0);
     report.check(report.seconds / 3.0);
-    assert!(report.rows >= 300, "{}", report.errors);
+    assert!(report.delays_s.len() >= 300, "{}", report.errors);
     assert!(
         report.faults.values().sum::<usize>() >= 3,
         "{:?}",
@@ -620,15 +597,15 @@ fn memory_handles_and_threads_stay_as_they_are_whatever_cameras_do() {
 #[ignore = "soak: scripts/soak states for how long"]
 fn soak_for_as_long_as_asked() {
     let number = |name: &str| std::env::var(name).ok()?.parse().ok();
-    let Some(minutes) = number("PARDALIS_SOAK_MINUTES") else {
-        println!("skipped: PARDALIS_SOAK_MINUTES does not state for how long");
+    let Some(hours) = number("PARDALIS_SOAK_HOURS") else {
+        println!("skipped: PARDALIS_SOAK_HOURS does not state for how long");
         return;
     };
     let settings = Settings {
         seed: number("PARDALIS_SOAK_SEED").unwrap_or(1),
-        rows: usize::MAX,
-        seconds: 60 * minutes,
-        mean_frames_between_faults: 5000,
+        images: hours as usize * IMAGES_IN_AN_HOUR,
+        interval: Duration::from_micros(1500),
+        mean_frames_between_faults: 20_000,
         ffmpeg: Command::new("ffmpeg").arg("-version").output().is_ok(),
     };
     let report = soak(&settings);

@@ -59,7 +59,11 @@ impl CalibratedRig {
         let number = target(path, &read, task.target)?;
         let ball = ball(path, &read, number)?;
         let alignment = Alignment::known(&task.known, &read)?;
-        let mut open = scene::open_until(path, read, None, &[], &task.until.stop)?;
+        let mut live = scene::Live {
+            stop: task.until.stop.clone(),
+            ..scene::Live::default()
+        };
+        let mut open = scene::open_with(path, read, None, &[], &mut live)?;
         let alignment = match &task.known {
             Known::Board(board) => Alignment::on_board(&mut open.sources, board)?,
             _ => alignment,
