@@ -434,13 +434,19 @@ impl Parts {
         self.scene.cameras.iter().zip(sources).collect()
     }
 
-    /// Returns warnings of sources that open, and of time stamps that may not be in seconds although all cameras agree.
+    /// Returns warnings of sources that open, of time stamps that may not be in seconds although all cameras agree, and of detections.
     pub(crate) fn source_warnings(&self, path: &Path) -> Vec<String> {
         let of_camera = |(camera, source): rig::Opened| {
             let source = source?;
             source_warning(path, camera, source).or_else(|| unit_warning(path, camera, source))
         };
-        self.opened().into_iter().filter_map(of_camera).collect()
+        let of_cameras = self.opened().into_iter().filter_map(of_camera);
+        let of_detections = self.detections.warnings().filter_map(|(number, warning)| {
+            let file = self.scene.cameras[number].detections.as_ref()?;
+            let problem = file.problem(warning.clone());
+            Some(format!("{}: {problem}", path.shown()))
+        });
+        of_cameras.chain(of_detections).collect()
     }
 
     /// Returns the scene with its tracker; fails with all problems if there are any.

@@ -51,6 +51,8 @@ pub struct CameraConfig {
     pub frames: FrameRange,
     /// The file with what another program detected in its images.
     pub detections: Option<Located<String>>,
+    /// Whether it looked at every image: otherwise those that the file does not have say nothing.
+    pub detections_complete: bool,
     /// Its model. Until a rectangle is found in its images, the model of [`Plane::image`].
     pub camera: Camera,
     /// The rectangle in its images that determines its model, if the scene uses one.
@@ -215,6 +217,15 @@ impl CameraConfig {
             .key("detections", "File of boxes that another program detected in the camera's images, for targets with a `detector`. Relative to this file.")
             .depends("none")
             .located();
+        let detections_complete = table
+            .key("detections_complete", "Whether the other program looked at every image. If false, images without a row in the file say nothing, and a row without a box says that nothing was found.")
+            .or(true);
+        if !detections_complete && detections.is_none() {
+            table.problem(
+                "detections_complete",
+                "needs detections; add them, or remove it",
+            );
+        }
         let platform = read_platform(&table, platforms);
         let optics = read_optics(&name, &table, read_calibration, poses);
         let mask = table
@@ -259,6 +270,7 @@ impl CameraConfig {
             line_delay_s,
             frames,
             detections,
+            detections_complete,
             camera: optics.camera,
             rectangle: optics.rectangle,
             size_px: optics.size_px,

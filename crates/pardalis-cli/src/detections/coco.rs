@@ -102,7 +102,7 @@ pub(crate) fn boxes_in(path: &Path, text: &[u8], images: &Images) -> Result<Vec<
             .map(|(frame, class, found)| Found {
                 frame,
                 class,
-                found,
+                found: Some(found),
                 place: Place::Entry(entry),
             })
             .map_err(|problem| user_error!("{name}, entry {entry}{list}: {problem}"))
@@ -279,8 +279,8 @@ mod tests {
             let found = &boxes(&one(id), Some(&IMAGES)).unwrap()[0];
             assert_eq!((found.frame, found.class.as_deref()), (frame, Some("3")));
             // The pixels 10 to 14 and 20 to 25, counted from 0.
-            assert_eq!(found.found.sides_px(), [9.5, 19.5, 14.5, 25.5]);
-            assert_eq!(found.found.score(), Some(0.5));
+            assert_eq!(found.found.unwrap().sides_px(), [9.5, 19.5, 14.5, 25.5]);
+            assert_eq!(found.found.unwrap().score(), Some(0.5));
         }
         assert_eq!(boxes(&one("12"), None).unwrap()[0].frame, 12);
         for (id, images, problem) in [
@@ -311,7 +311,7 @@ mod tests {
         let found = boxes(&set("images/7.png"), Some(&IMAGES)).unwrap();
         let classes = [&found[0], &found[1]].map(|one| one.class.as_deref());
         assert_eq!(classes, [Some("sports ball"), None]);
-        assert_eq!((found[0].frame, found[0].found.score()), (2, None));
+        assert_eq!((found[0].frame, found[0].found.unwrap().score()), (2, None));
         for (text, images, problem) in [
             (
                 set("8.png"),

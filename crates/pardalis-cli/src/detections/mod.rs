@@ -2,7 +2,7 @@
 
 pub(crate) mod coco;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::fs;
 use std::path::Path;
@@ -28,6 +28,12 @@ const COLUMNS: &str = "frame,left_px,top_px,right_px,bottom_px or frame,u_px,v_p
 /// The largest file in the format of COCO. Derivation: masks of a long video, and no computer's memory.
 const MAX_JSON_BYTES: u64 = 512 << 20;
 
+/// Sides of boxes up to this may be shares of the width and height: those that reach beyond the image are not above 1 by much.
+const LARGEST_SHARE: f64 = 1.2;
+
+/// So many boxes are hardly all in one quarter of the images by chance. Hand-set.
+const MANY_BOXES: usize = 20;
+
 /// Classes of a file that a message names.
 const NAMED_CLASSES: usize = 10;
 
@@ -47,17 +53,21 @@ pub(crate) struct CameraDetections {
     frames: FrameRange,
     /// By the number of the frame in the recording.
     boxes: HashMap<usize, Vec<(TargetId, ImageBox)>>,
+    /// The frames that the file has, if others say nothing.
+    looked_at: Option<HashSet<usize>>,
+    /// What may be wrong with the file.
+    warnings: Vec<String>,
     /// The first classes in the file.
     classes: Vec<String>,
 }
 
-/// One box of a file.
+/// One box of a file, or that there is none in an image.
 pub(crate) struct Found {
     /// The number of its frame in the recording, from 0.
     frame: usize,
     /// `None` if the file has no classes.
     class: Option<String>,
-    pub(crate) found: ImageBox,
+    pub(crate) found: Option<ImageBox>,
     place: Place,
 }
 
@@ -102,6 +112,15 @@ impl Detections {
         self.cameras.push(camera);
     }
 
+    /// Returns what may be wrong with the files, each with the number of its camera.
+    pub(crate) fn warnings(&self) -> impl Iterator<Item = (usize, &String)> {
+        let cameras = self.cameras.iter().enumerate();
+        cameras.flat_map(|(number, camera)| {
+            let warnings = camera.iter().flat_map(|camera| &camera.warnings);
+            warnings.map(move |warning| (number, warning))
+        })
+    }
+
     /// Fails if no file has a box of any of these targets. A single camera may never see them.
     pub(crate) fn check(&self, targets: &[TargetConfig]) -> Result<()> {
         let mut files = self.cameras.iter().flatten().peekable();
@@ -132,6 +151,10 @@ impl Detections {
                 continue;
             };
             let frame = detections.frames.first + number * detections.frames.step;
+            let looked_at = detections.looked_at.as_ref();
+            if looked_at.is_some_and(|frames| !frames.contains(&frame)) {
+                continue;
+            }
             let found = detections.boxes.get(&frame).map_or(&[][..], Vec::as_slice);
             for &target in &self.targets {
                 let own = found.iter().filter(|(of, _)| *of == target);
@@ -175,15 +198,25 @@ impl CameraDetections {
                 counted(count as u64, "image")
             ));
         }
-        let outside = all.iter().filter(|found| is_outside(&found.found, size_px));
-        let outside = outside.count();
-        if 4 * outside > all.len() {
-            return Err(user_error!(
-                "{}: {outside} of {} boxes are outside of the images, which are {} x {} pixels; are they in pixels of resized images, or in shares of the width and height?",
+        let found: Vec<ImageBox> = all.iter().filter_map(|one| one.found).collect();
+        check_places(&found, size_px)
+            .map_err(|problem| user_error!("{}: {problem}", path.shown()))?;
+        let frames: HashSet<usize> = all.iter().map(|one| one.frame).collect();
+        let mut warnings = Vec::new();
+        if found.len() >= MANY_BOXES && found.iter().all(|found| is_in_quarter(found, size_px)) {
+            warnings.push(format!(
+                "{}: all boxes lie in the upper left quarter of the images; are they in pixels of images of half the size?",
+                path.shown()
+            ));
+        }
+        let count = images
+            .count
+            .filter(|count| camera.detections_complete && 2 * frames.len() < *count);
+        if let (Some(count), true) = (count, range == FrameRange::ALL) {
+            warnings.push(format!(
+                "{}: has boxes of {} of {count} images, and says of the others that the detector found nothing; if it did not look at them, give detections_complete = false",
                 path.shown(),
-                all.len(),
-                size_px.0,
-                size_px.1
+                frames.len()
             ));
         }
         let classes: Vec<(TargetId, &str)> = targets
@@ -192,15 +225,13 @@ impl CameraDetections {
             .filter_map(|(number, target)| Some((TargetId::new(number), class_of(target)?)))
             .collect();
         let mut boxes: HashMap<usize, Vec<(TargetId, ImageBox)>> = HashMap::new();
-        for found in &all {
+        for one in &all {
+            let Some(found) = one.found else { continue };
             let targets = classes
                 .iter()
-                .filter(|(_, class)| found.class.as_ref().is_none_or(|of_box| of_box == class));
+                .filter(|(_, class)| one.class.as_ref().is_none_or(|of_box| of_box == class));
             for (target, _) in targets {
-                boxes
-                    .entry(found.frame)
-                    .or_default()
-                    .push((*target, found.found));
+                boxes.entry(one.frame).or_default().push((*target, found));
             }
         }
         let has_classes = all.iter().any(|found| found.class.is_some());
@@ -218,6 +249,8 @@ impl CameraDetections {
         Ok(Self {
             frames: range,
             boxes,
+            looked_at: (!camera.detections_complete).then_some(frames),
+            warnings,
             classes: others,
         })
     }
@@ -233,6 +266,46 @@ fn read_json(path: &Path) -> Result<Vec<u8>> {
         ));
     }
     fs::read(path).map_err(failed)
+}
+
+/// Checks that boxes may be those of images of this size in pixels. Returns the problem.
+fn check_places(found: &[ImageBox], size_px: (usize, usize)) -> Result<(), String> {
+    if found.is_empty() {
+        return Err(
+            "has no boxes; run the detector again, or remove detections from the scene".to_owned(),
+        );
+    }
+    let are_shares = |found: &ImageBox| {
+        found
+            .sides_px()
+            .iter()
+            .all(|side| side.abs() <= LARGEST_SHARE)
+    };
+    if found.iter().all(are_shares) {
+        return Err(format!(
+            "all sides of its boxes are between 0 and 1, as shares of the width and height are; multiply these by {} and {} and subtract 0.5",
+            size_px.0, size_px.1
+        ));
+    }
+    let outside = found
+        .iter()
+        .filter(|found| is_outside(found, size_px))
+        .count();
+    if 4 * outside > found.len() {
+        return Err(format!(
+            "{outside} of {} boxes are outside of the images, which are {} x {} pixels; are they in pixels of resized images?",
+            found.len(),
+            size_px.0,
+            size_px.1
+        ));
+    }
+    Ok(())
+}
+
+/// Returns whether a box is in the upper left quarter of images of this size.
+fn is_in_quarter(found: &ImageBox, (width, height): (usize, usize)) -> bool {
+    let [_, _, right, bottom] = found.sides_px();
+    right < 0.5 * width as f64 && bottom < 0.5 * height as f64
 }
 
 /// Returns whether most of a box is outside of images of this size.
@@ -260,23 +333,21 @@ pub(crate) fn boxes_in(table: &Table) -> Result<Vec<Found>> {
     }
     let found = |row: Row| {
         let found = match (row.all_or_none(sides)?, row.all_or_none(circle)?) {
-            (Some(sides_px), _) => ImageBox::new(sides_px),
-            (None, Some([u, v, radius_px])) => ImageBox::around_circle([u, v], radius_px),
-            (None, None) => {
-                return Err(user_error!(
-                    "{}: has no box; leave out images in which nothing is",
-                    row.place()
-                ));
-            }
+            (Some(sides_px), _) => ImageBox::new(sides_px).map(Some),
+            (None, Some([u, v, radius_px])) => ImageBox::around_circle([u, v], radius_px).map(Some),
+            (None, None) => Ok(None),
         };
         let score = row.fraction(score)?;
-        let found = found.and_then(|found| match score {
-            Some(score) => found.with_score(score),
-            None => Ok(found),
+        let found = found.and_then(|found| match (found, score) {
+            (Some(found), Some(score)) => found.with_score(score).map(Some),
+            (found, _) => Ok(found),
         });
+        // Nothing has no class.
+        let has_box = !matches!(found, Ok(None));
         Ok(Found {
             frame: row.count(frame)?,
             class: class
+                .filter(|_| has_box)
                 .map(|class| row.text(class).map(str::to_owned))
                 .transpose()?,
             found: found.map_err(|error| user_error!("{}: {error}", row.place()))?,
@@ -307,7 +378,7 @@ fn mot_box(table: &Table, row: &Row) -> Result<Found> {
     Ok(Found {
         frame,
         class: None,
-        found: found.with_score(score).unwrap_or(found),
+        found: Some(found.with_score(score).unwrap_or(found)),
         place: Place::Line(row.line),
     })
 }
@@ -335,19 +406,30 @@ mod tests {
             (found[0].frame, found[0].class.as_deref()),
             (3, Some("cup"))
         );
-        assert_eq!(found[0].found.sides_px(), [10.0, 20.0, 30.0, 60.0]);
+        assert_eq!(found[0].found.unwrap().sides_px(), [10.0, 20.0, 30.0, 60.0]);
         assert_eq!(
-            (found[0].found.score(), found[1].found.score()),
+            (
+                found[0].found.unwrap().score(),
+                found[1].found.unwrap().score()
+            ),
             (Some(0.5), None)
         );
         let found = boxes("frame,u_px,v_px,radius_px\n0,100,50,10\n").unwrap();
-        assert_eq!(found[0].found.sides_px(), [90.0, 40.0, 110.0, 60.0]);
+        assert_eq!(
+            found[0].found.unwrap().sides_px(),
+            [90.0, 40.0, 110.0, 60.0]
+        );
+        let found = boxes("frame,u_px,v_px,radius_px\n4,,,\n").unwrap();
+        assert_eq!((found[0].frame, found[0].found.is_none()), (4, true));
         let found = boxes("1,-1,11,21,20,40,0.8,-1,-1,-1\n2,-1,1,1,2,2,37.5,-1,-1,-1\n").unwrap();
         assert_eq!((found[0].frame, found[1].frame), (0, 1));
         // The pixels 10 to 29, counted from 0.
-        assert_eq!(found[0].found.sides_px(), [9.5, 19.5, 29.5, 59.5]);
+        assert_eq!(found[0].found.unwrap().sides_px(), [9.5, 19.5, 29.5, 59.5]);
         assert_eq!(
-            (found[0].found.score(), found[1].found.score()),
+            (
+                found[0].found.unwrap().score(),
+                found[1].found.unwrap().score()
+            ),
             (Some(0.8), None)
         );
         assert_eq!(
@@ -364,6 +446,8 @@ mod tests {
             Some(CameraDetections {
                 frames: FrameRange::ALL,
                 boxes: boxes.collect(),
+                looked_at: None,
+                warnings: Vec::new(),
                 classes: vec!["cup".to_owned()],
             })
         };
@@ -402,8 +486,8 @@ mod tests {
                 "line 2: box is [9.0, 2.0, 3.0, 4.0]",
             ),
             (
-                "frame,left_px,top_px,right_px,bottom_px\n0,,,,\n",
-                "line 2: has no box",
+                "frame,left_px,top_px,right_px,bottom_px\n0,1,,,\n",
+                "line 2, column top_px: ",
             ),
             (
                 "frame,left_px,top_px,right_px,bottom_px,score\n0,1,2,3,4,50\n",

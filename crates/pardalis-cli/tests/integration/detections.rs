@@ -195,6 +195,67 @@ fn detections_are_those_of_the_frames_that_are_read() {
 }
 
 #[test]
+fn images_at_which_the_detector_did_not_look_say_nothing() {
+    let place = Workplace::with_frames(FRAMES);
+    let all = file();
+    let (header, rows) = all.split_once('\n').unwrap();
+    // It looks at every third image.
+    let frame = |row: &str| row.split(',').next().unwrap().parse::<usize>().unwrap();
+    let some: Vec<&str> = rows.lines().filter(|row| frame(row) % 3 == 0).collect();
+    place.write("boxes.csv", format!("{header}\n{}\n", some.join("\n")));
+    let tracked = || {
+        let rows = place.rows();
+        let tracking = rows.iter().filter(|row| row[3] == "tracking");
+        tracking.count()
+    };
+    let remedy = "cameras.cam1.detections: boxes.csv: has boxes of 14 of 40 images, and says of the others that the detector found nothing; if it did not look at them, give detections_complete = false";
+    let run = place.track(scene());
+    assert!(run.stderr.contains(remedy), "{}", run.stderr);
+    let run = Run::pardalis(place.path(""), &["check", "scene.toml"]);
+    assert!(run.stderr.contains(remedy), "{}", run.stderr);
+    let as_complete = tracked();
+    let partial = scene().replace("boxes.csv\"", "boxes.csv\"\ndetections_complete = false");
+    place.track(&partial).fine();
+    assert!(
+        tracked() > 30 && tracked() > 2 * as_complete,
+        "{} {as_complete}",
+        tracked()
+    );
+    // A row without a box says that it found nothing.
+    let columns = header.split(',').count();
+    let empty = |frame: usize| format!("{frame}{}\n", ",".repeat(columns - 1));
+    let misses: String = (20..FRAMES).map(empty).collect();
+    let seen: Vec<&str> = rows.lines().filter(|row| frame(row) < 20).collect();
+    place.write(
+        "boxes.csv",
+        format!("{header}\n{}\n{misses}", seen.join("\n")),
+    );
+    place.track(&partial).fine();
+    assert_ne!(place.rows().last().unwrap()[3], "tracking");
+    place
+        .track(scene().replace("boxes.csv\"", "boxes.csv\"\ndetections_complete = 1"))
+        .refused(&["detections_complete"]);
+}
+
+#[test]
+fn boxes_of_images_of_half_the_size_are_doubted() {
+    let place = Workplace::with_frames(FRAMES);
+    let halves = boxes().into_iter().enumerate().map(|(frame, sides)| {
+        let [u0, v0, u1, v1] = sides.map(|side| 0.25 * side);
+        format!("{frame},{u0},{v0},{u1},{v1}\n")
+    });
+    place.write(
+        "boxes.csv",
+        "frame,left_px,top_px,right_px,bottom_px\n".to_owned() + &halves.collect::<String>(),
+    );
+    let run = place.track(scene());
+    let doubt = "all boxes lie in the upper left quarter of the images";
+    assert!(run.stderr.contains(doubt), "{}", run.stderr);
+    place.write("boxes.csv", file());
+    place.track(scene()).fine();
+}
+
+#[test]
 fn a_check_and_a_smoothed_track_know_boxes() {
     let place = Workplace::with_frames(FRAMES);
     place.write("boxes.csv", file());
@@ -368,8 +429,13 @@ fn files_that_do_not_suit_are_refused() {
         (header.to_owned(), "boxes.csv: has no rows"),
         (
             format!("{header}0,ball,1000,900,1040,940\n"),
-            "boxes.csv: 1 of 1 boxes are outside of the images, which are 640 x 480 pixels; are they in pixels of resized images, or in shares of the width and height?",
+            "boxes.csv: 1 of 1 boxes are outside of the images, which are 640 x 480 pixels; are they in pixels of resized images?",
         ),
+        (
+            format!("{header}0,ball,0.1,0.2,0.3,1.05\n"),
+            "boxes.csv: all sides of its boxes are between 0 and 1, as shares of the width and height are; multiply these by 640 and 480",
+        ),
+        (format!("{header}0,ball,,,,\n"), "boxes.csv: has no boxes"),
     ] {
         place.write("boxes.csv", text);
         place

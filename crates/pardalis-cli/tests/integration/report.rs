@@ -215,6 +215,21 @@ fn two_runs_are_compared_by_time_and_name() {
     assert_eq!(shown["tracks"]["ball"]["frame"], json!([0, 1, 2]));
     // The settings are those of each run, and a new run leaves no comparison of others.
     assert_eq!(data["summary"]["seed"], 1);
+    // Runs of other images.
+    let path = place.path("one/summary.json");
+    let text = fs::read_to_string(&path).unwrap();
+    let mut summary: Value = serde_json::from_str(&text).unwrap();
+    summary["settings"]["cameras"]["cam1"]["images"] = json!("elsewhere");
+    fs::write(&path, summary.to_string()).unwrap();
+    let run = view(&place, &["one/tracks.previous.csv", "one"]);
+    let doubt = "The runs may be of different images: cameras.cam1.images is \"images\" in one/tracks.previous.csv and \"elsewhere\" in one";
+    assert!(
+        run.code == Some(0) && run.stderr.contains(doubt),
+        "{}",
+        run.stderr
+    );
+    let data = data_in(&place.path("one/comparison.html"));
+    assert!(data["notes"].to_string().contains("of different images"));
     place.track(SCENE).fine();
     assert!(!place.path("out/comparison.html").exists());
 }
