@@ -96,6 +96,11 @@ impl Collection {
         verdict
     }
 
+    /// Adds the corners of the board in a picture that somebody took for the calibration, whatever it adds.
+    pub fn add(&mut self, corners: &[Corner]) {
+        self.views.push(corners.to_vec());
+    }
+
     /// Returns the width and height of the images in pixels.
     pub fn size_px(&self) -> (usize, usize) {
         self.size_px

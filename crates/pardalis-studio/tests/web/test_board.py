@@ -10,6 +10,8 @@ from studio_fixtures import DATA, ROOT, run, until
 
 BOARDS = DATA / "calibration/dioptric"
 STEREO = DATA / "calibration/opencv-stereo"
+# A picture of 320 x 240 pixels.
+SMALL = DATA / "webcams-two/frames/cam1/000000.jpg"
 
 
 def hold_up(page, square_mm):
@@ -75,6 +77,55 @@ def test_a_recorded_board_gives_the_lens_that_calibrate_board_finds(studio, tmp_
     until(found.exists)
     assert found.read_text() == lens
     assert one.ask("state")["text"] == text
+
+
+def test_pictures_of_a_board_in_a_folder_give_the_lens(studio, tmp_path):
+    # The camera shows something else.
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "frames")
+    pictures = tmp_path / "pictures/board"
+    pictures.mkdir(parents=True)
+    taken = sorted(BOARDS.glob("board_*.jpg"))
+    for picture in taken:
+        shutil.copy(picture, pictures)
+    shutil.copy(DATA / "dioptric-jump/frames/000000.jpg", pictures / "without.jpg")
+    one = studio("frames", ".")
+    page = one.page
+    one.step("camera")
+    page.click("#way-board")
+    page.fill("#board-columns", "9")
+    page.fill("#board-rows", "6")
+    page.fill("#board-side", "60")
+    page.click("#board-folder summary")
+    page.get_by_title("Open pictures").click()
+    page.get_by_role("button", name="Use the pictures in board").click()
+    expect(page.locator("#board-count")).to_contain_text(f"{len(taken)} views")
+    expect(page.locator("#fit-board")).to_be_enabled()
+    page.click("#board-left-out summary")
+    expect(page.locator("#board-left-out")).to_contain_text("(last in without.jpg)")
+    page.select_option("#board-model", "equidistant")
+    page.click("#fit-board")
+    page.click("#use-board")
+    expect(page.locator("#panel .now").first).to_contain_text("lens.toml (equidistant)")
+    run("calibrate", "board", "pictures/board", "--board", "checkerboard:9x6:0.06", "--model", "equidistant", "-o", "lens", folder=tmp_path)
+    (found,) = tmp_path.rglob("*.lens.toml")
+    # The same bytes are read.
+    assert parameters(found) == parameters(tmp_path / "lens/camera.toml")
+    # Views have the names of their pictures.
+    page.click("#panel details:has(#board-report) summary")
+    expect(page.locator("#board-report")).to_contain_text(taken[0].name)
+    # Of another size, elsewhere, or none.
+    (tmp_path / "other").mkdir()
+    shutil.copy(SMALL, tmp_path / "other/000.jpg")
+    board = {"camera": one.ask("state")["cameras"][0]["name"], "board": "checkerboard:9x6:0.06"}
+    for folder, problem in [("other", "take the pictures with the camera's present settings"), ("/etc", "is no file or folder below those"), ("pictures", "no images there")]:
+        folder = folder if folder.startswith("/") else str(tmp_path / folder)
+        assert problem in one.ask("look_for_board_in", {**board, "folder": folder})["error"], folder
+    # A picture that cannot be read ends it.
+    (pictures / "000.jpg").write_bytes(b"no picture")
+    shutil.copy(taken[0], pictures / "0.jpg")
+    one.ask("look_for_board_in", {**board, "folder": str(pictures)})
+    expect(page.locator("#panel .bad")).to_contain_text("000.jpg")
+    one.errors.clear()
 
 
 def test_what_cannot_be_used_leaves_no_file_behind(studio, tmp_path):

@@ -54,7 +54,7 @@ export function drawBoard(app, context, px, camera) {
   const [width, height] = size.map((side) => side / 10);
   context.fillStyle = "#2dd4bf2e";
   board.cells.forEach((row, j) => row.forEach((is, i) => is && context.fillRect(i * width - 0.5, j * height - 0.5, width, height)));
-  if (!board.is_looking || !board.newest) return;
+  if (!board.is_looking || !board.newest || board.is_of_folder) return;
   const color = board.newest.reason ? "#ffd21f" : "#2dd4bf";
   const corners = board.newest.corners_px;
   for (const [stroke, wide] of [["#000a", 3], [color, 1.5]]) {
@@ -69,7 +69,7 @@ export function drawBoard(app, context, px, camera) {
 }
 
 /** What of the board changes rarely, and with it the whole panel. */
-const rareOf = ({ is_looking: isLooking, is_fitting: isFitting, frames, fitted, error } = {}) => JSON.stringify([isLooking, isFitting, frames?.length, fitted, error]);
+const rareOf = ({ is_looking: isLooking, is_fitting: isFitting, names, fitted, error } = {}) => JSON.stringify([isLooking, isFitting, names?.length, fitted, error]);
 let rare = null;
 
 /** Shows what is new of the board. */
@@ -84,13 +84,14 @@ export function boardTold(app, board) {
 }
 
 function nowOf(board) {
-  const { advice, fitted, newest, frames, share, tilted, left_out: leftOut } = board;
-  const seen = newest?.reason ?? (newest ? "taken" : "waiting for a picture");
+  const { advice, fitted, newest, names, share, tilted, left_out: leftOut } = board;
+  const name = board.is_of_folder && newest ? `${newest.name}: ` : "";
+  const seen = name + (newest?.reason ?? (newest ? "taken" : "waiting for a picture"));
   return [
     el("p", { class: "now", id: "board-advice" }, advice ?? (fitted ? "Calibrated: use it, or show more views." : "These views are enough: calibrate.")),
     board.is_looking && el("p", { class: "none", id: "board-seen" }, `Now: ${seen}.`),
-    el("p", { id: "board-count" }, el("strong", {}, `${frames.length} view${frames.length === 1 ? "" : "s"}`), ` · ${fixed(100 * share, 0)} % of the image · ${tilted} tilted`),
-    leftOut.length > 0 && el("details", { id: "board-left-out", open: isOpen }, el("summary", { onclick: () => { isOpen = !isOpen; } }, "Left out"), el("ul", {}, leftOut.map(({ reason, count, last_frame: last }) => el("li", {}, `${count} × ${reason} (last in frame ${last + 1})`)))),
+    el("p", { id: "board-count" }, el("strong", {}, `${names.length} view${names.length === 1 ? "" : "s"}`), ` · ${fixed(100 * share, 0)} % of the image · ${tilted} tilted`),
+    leftOut.length > 0 && el("details", { id: "board-left-out", open: isOpen }, el("summary", { onclick: () => { isOpen = !isOpen; } }, "Left out"), el("ul", {}, leftOut.map(({ reason, count, last }) => el("li", {}, `${count} × ${reason} (last in ${last})`)))),
   ];
 }
 
@@ -109,8 +110,25 @@ function report(app, board) {
   ];
 }
 
-/** Returns the controls of a camera's board. */
-export function renderBoard(app, camera) {
+/** The folders of pictures to choose from. `open` goes into one, or above. */
+function folders(app, camera, { folder, above, entries }, open) {
+  const use = (path) => app.change("look_for_board_in", { camera, board: words(), folder: path });
+  const inside = entries.filter(({ kind }) => kind === "folder");
+  const hasPictures = entries.some(({ kind }) => kind === "image");
+  return el(
+    "details",
+    { id: "board-folder", open: isOfFolder, ontoggle: (event) => { isOfFolder = event.target.open; } },
+    el("summary", {}, "Pictures of it in a folder"),
+    el("p", {}, "Taken with this camera and its present settings. Each picture in which the board is found is used."),
+    folder && el("p", { class: "folder" }, above !== null && button("↑", () => open(above), { "aria-label": "Folder above" }), hasPictures && button("Use this folder", () => use(folder), { id: "use-folder" }), el("span", { title: folder }, folder)),
+    el("ul", { class: "files" }, inside.map(({ name, path }) => el("li", {}, button([el("span", { class: "symbol", "aria-hidden": "true" }, "▸"), name], () => open(path), { class: "entry", title: `Open ${name}` }), button("Use", () => use(path), { "aria-label": `Use the pictures in ${name}` })))),
+  );
+}
+
+let isOfFolder = false;
+
+/** Returns the controls of a camera's board. `listing` is a folder with its entries, and `open` goes to another. */
+export function renderBoard(app, camera, listing, open) {
   const board = seenBy(app, camera);
   const isLooking = board?.is_looking;
   const inputs = FIELDS[kind].map(([name, title, first]) =>
@@ -133,9 +151,10 @@ export function renderBoard(app, camera) {
       { class: "row" },
       isLooking
         ? button("Pause", () => app.change("leave_board"), { id: "leave-board" })
-        : button(board?.frames.length ? "Go on" : "Look for it", start, { id: "look", class: board?.frames.length ? "" : "primary" }),
+        : button(board?.names.length && !board.is_of_folder ? "Go on" : "Look for it", start, { id: "look", class: board?.names.length ? "" : "primary" }),
       board && button("Begin again", () => app.change("forget_board"), { id: "forget-board" }),
     ),
+    !isLooking && listing && folders(app, camera, listing, open),
     board?.error && el("p", { class: "bad" }, board.error),
     board && el("div", { id: "board-now", "aria-live": "polite" }, nowOf(board)),
     board?.fitted && report(app, board),

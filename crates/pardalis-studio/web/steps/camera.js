@@ -4,7 +4,7 @@ import { ask } from "../connection.js";
 import { button, el, field, fixed } from "../elements.js";
 import { boardTold, drawBoard, renderBoard } from "./board.js";
 
-const WAYS = { simple: "Angle or file", board: "Hold up a board" };
+const WAYS = { simple: "Angle or file", board: "A board" };
 
 let way = "simple";
 let listing = null;
@@ -71,7 +71,7 @@ export const camera = {
     };
     const ways = Object.entries(WAYS).map(([id, name]) => button(name, () => { way = id; app.render(); }, { id: `way-${id}`, "aria-pressed": String(id === way) }));
     const head = [el("p", { class: "now" }, now), el("div", { class: "tabs" }, ways)];
-    if (way === "board") return [head, renderBoard(app, one.name)];
+    if (way === "board") return [head, renderBoard(app, one.name, listing, (folder) => list(app, folder))];
     return [
       head,
       el("h3", {}, "Angle of view"),

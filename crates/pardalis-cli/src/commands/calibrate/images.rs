@@ -27,7 +27,7 @@ pub(super) struct SearchedImage {
 /// sorted by name.
 ///
 /// Fails if there are none.
-pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
+pub(in crate::commands) fn files(path: &Path) -> Result<Vec<PathBuf>> {
     let pattern = path.file_name().unwrap_or_default().to_string_lossy();
     let is_pattern = pattern.contains(['*', '?']) && !path.exists();
     if !path.is_dir() && !is_pattern {

@@ -7,7 +7,7 @@ mod board_rig_report;
 mod fit;
 #[cfg(feature = "studio")]
 pub(super) mod held;
-mod images;
+pub(super) mod images;
 mod model;
 mod mount;
 pub(crate) mod observations;

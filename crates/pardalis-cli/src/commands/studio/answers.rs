@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use super::board::{BoardOf, ModelOf};
+use super::board::{BoardIn, BoardOf, ModelOf};
 use super::pose::{KnownPoints, OfCamera, OnFloor};
 use super::rig::{RigOf, RigStop};
 use super::runs::{OtherRun, Tracked};
@@ -180,6 +180,10 @@ impl Session {
         match request {
             "look_for_board" => {
                 self.look_for_board(&read::<BoardOf>(value)?)?;
+                return Ok(json!({}));
+            }
+            "look_for_board_in" => {
+                self.look_in_folder(&read::<BoardIn>(value)?)?;
                 return Ok(json!({}));
             }
             "leave_board" => {

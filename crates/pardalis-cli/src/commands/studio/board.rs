@@ -15,9 +15,12 @@ use super::edits::with_lens;
 use super::session::Session;
 use crate::board::parse_words;
 use crate::commands::calibrate::held::calibrate;
+use crate::commands::calibrate::images::files;
 use crate::commands::init::text::{Calibration, CameraText};
 use crate::draw::picture::picture_of;
 use crate::interrupt::Stop;
+use crate::output::{Shown as _, in_line};
+use crate::source::decode::{decode_mask, image_size};
 use crate::user_error::user_error;
 
 /// How often the thread looks for a new picture.
@@ -29,6 +32,16 @@ pub(super) struct BoardOf {
     camera: String,
     /// As on the command line, such as `checkerboard:9x6:0.025`.
     board: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BoardIn {
+    camera: String,
+    /// As on the command line, such as `checkerboard:9x6:0.025`.
+    board: String,
+    /// A folder of pictures that the camera took.
+    folder: String,
 }
 
 #[derive(Deserialize)]
@@ -49,24 +62,50 @@ impl Session {
         let same = before.filter(|shared| {
             let collected = lock(shared);
             (&*collected.camera, &*collected.words) == (&of.camera, &of.board)
+                && !collected.is_of_folder
                 && collected.error.is_none()
         });
+        drop(inner);
         let shared = same.unwrap_or_else(|| {
-            Arc::new(Mutex::new(Collected {
-                camera: of.camera.clone(),
-                words: of.board.clone(),
-                board,
-                collection: None,
-                frames: Vec::new(),
-                newest: None,
-                left_out: Vec::new(),
-                is_looking: true,
-                is_fitting: false,
-                fitted: None,
-                error: None,
-            }))
+            let collected = Collected::new(&of.camera, &of.board, board, false);
+            Arc::new(Mutex::new(collected))
         });
         lock(&shared).is_looking = true;
+        self.hold(shared, look)
+    }
+
+    /// Looks for a board in all pictures of a folder, and takes each in which it is.
+    pub(super) fn look_in_folder(&self, of: &BoardIn) -> Result<()> {
+        let board = parse_words(&of.board)?;
+        let files = files(&self.places.allowed(&of.folder)?)?;
+        let wanted_px = self.inner().opened(&of.camera)?.size;
+        let size_px = image_size(&files[0])?;
+        if size_px != wanted_px {
+            return Err(user_error!(
+                "{}: has {} x {} pixels, and the images of {} have {} x {}; take the pictures with the camera's present settings",
+                files[0].shown(),
+                size_px.0,
+                size_px.1,
+                of.camera,
+                wanted_px.0,
+                wanted_px.1
+            ));
+        }
+        let collected = Collected::new(&of.camera, &of.board, board, true);
+        self.hold(
+            Arc::new(Mutex::new(collected)),
+            move |session, shared, stop| {
+                look_in(&files, session, shared, stop);
+            },
+        )
+    }
+
+    /// Looks for a board on a thread of its own, in place of any that was looked for before.
+    fn hold(
+        &self,
+        shared: Arc<Mutex<Collected>>,
+        look: impl FnOnce(&Weak<Self>, &Mutex<Collected>, &Stop) + Send + 'static,
+    ) -> Result<()> {
         let stop = Stop::default();
         let thread = std::thread::Builder::new()
             .name("board".to_owned())
@@ -76,12 +115,11 @@ impl Session {
                 move || look(&session, &shared, &stop)
             })
             .context("no further thread can be started")?;
-        inner.held = Some(Held {
+        self.inner().held = Some(Held {
             shared,
             stop,
             thread: Some(thread),
         });
-        drop(inner);
         self.tell_board();
         Ok(())
     }
@@ -118,10 +156,8 @@ impl Session {
             let Some(collection) = &collected.collection else {
                 return Err(user_error!("no view of the board was taken yet"));
             };
-            let views = collection.views().iter().cloned().zip(&collected.frames);
-            let views: Vec<_> = views
-                .map(|(corners, number)| (format!("frame {}", number + 1), corners))
-                .collect();
+            let views = collection.views().iter().cloned();
+            let views: Vec<_> = collected.names.iter().cloned().zip(views).collect();
             let size_px = collection.size_px();
             if views.len() < LEAST_VIEWS {
                 return Err(user_error!(
@@ -235,12 +271,49 @@ fn look(session: &Weak<Session>, shared: &Mutex<Collected>, stop: &Stop) {
         };
         let found = detect(&board, &picture_of(&frame).to_grey());
         let mut collected = lock(shared);
-        collected.see(number, &frame, found);
+        let size_px = (frame.width(), frame.height());
+        let name = format!("frame {number}");
+        collected.see(name, size_px, Some(frame.time_s()), found);
         last = Some((number, frame.time_s().to_bits()));
         let about = collected.about();
         drop(collected);
         if !stop.is_requested() {
             session.feed.show("board", &about);
         }
+    }
+}
+
+/// Looks for the board in pictures of the camera, one after another.
+fn look_in(files: &[PathBuf], session: &Weak<Session>, shared: &Mutex<Collected>, stop: &Stop) {
+    let board = lock(shared).board.clone();
+    for file in files {
+        let picture = decode_mask(file);
+        let found = picture.map(|picture| (detect(&board, &picture), picture.size_px()));
+        let Some(session) = session.upgrade().filter(|_| !stop.is_requested()) else {
+            return;
+        };
+        let mut collected = lock(shared);
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        match found {
+            Ok((found, size_px)) => collected.see(in_line(&name), size_px, None, found),
+            Err(error) => {
+                collected.error = Some(format!("{error:#}"));
+                collected.is_looking = false;
+            }
+        }
+        let about = collected.about();
+        let goes_on = collected.is_looking;
+        drop(collected);
+        session.feed.show("board", &about);
+        if !goes_on {
+            return;
+        }
+    }
+    let mut collected = lock(shared);
+    collected.is_looking = false;
+    let about = collected.about();
+    drop(collected);
+    if let Some(session) = session.upgrade().filter(|_| !stop.is_requested()) {
+        session.feed.show("board", &about);
     }
 }

@@ -4,7 +4,6 @@ use std::mem::discriminant;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-use pardalis::Frame;
 use pardalis_calibrate::board::{Board, BoardNotFound, Collection, Corner, NotAdded};
 use pardalis_calibrate::covered;
 use serde_json::{Value, json};
@@ -39,12 +38,14 @@ pub(super) struct Collected {
     pub(super) camera: String,
     pub(super) words: String,
     pub(super) board: Board,
+    /// Whether the pictures are files in a folder, and not what the camera shows.
+    pub(super) is_of_folder: bool,
     /// `None` before the first picture.
     pub(super) collection: Option<Collection>,
-    /// The numbers of the frames of its views.
-    pub(super) frames: Vec<usize>,
-    /// The newest frame that was searched, with the corners and why it was not added.
-    pub(super) newest: Option<(usize, Vec<Corner>, Option<Reason>)>,
+    /// The names of the pictures of its views.
+    pub(super) names: Vec<String>,
+    /// The newest picture that was searched by its name, with the corners and why it was not added.
+    pub(super) newest: Option<(String, Vec<Corner>, Option<Reason>)>,
     pub(super) left_out: Vec<LeftOut>,
     pub(super) is_looking: bool,
     pub(super) is_fitting: bool,
@@ -52,11 +53,11 @@ pub(super) struct Collected {
     pub(super) error: Option<String>,
 }
 
-/// Frames that were left out for one reason.
+/// Pictures that were left out for one reason.
 pub(super) struct LeftOut {
     reason: Reason,
     count: usize,
-    last: usize,
+    last: String,
 }
 
 #[derive(Debug, Clone)]
@@ -83,14 +84,32 @@ impl Reason {
 }
 
 impl Collected {
-    /// Looks for the board in a frame.
+    /// Begins to look for the board that these words describe.
+    pub(super) fn new(camera: &str, words: &str, board: Board, is_of_folder: bool) -> Self {
+        Self {
+            camera: camera.to_owned(),
+            words: words.to_owned(),
+            board,
+            is_of_folder,
+            collection: None,
+            names: Vec::new(),
+            newest: None,
+            left_out: Vec::new(),
+            is_looking: true,
+            is_fitting: false,
+            fitted: None,
+            error: None,
+        }
+    }
+
+    /// Takes what was found in a picture of this size, or in a frame at a time in seconds.
     pub(super) fn see(
         &mut self,
-        number: usize,
-        frame: &Frame,
+        name: String,
+        size_px: (usize, usize),
+        time_s: Option<f64>,
         found: Result<Vec<Corner>, BoardNotFound>,
     ) {
-        let size_px = (frame.width(), frame.height());
         let collection = self
             .collection
             .get_or_insert_with(|| Collection::new(size_px));
@@ -102,30 +121,36 @@ impl Collected {
         let (corners, reason) = match found {
             Err(reason) => (Vec::new(), Some(Reason::NotFound(reason))),
             Ok(corners) => {
-                let added = collection.offer(frame.time_s(), &corners);
+                let added = match time_s {
+                    Some(time_s) => collection.offer(time_s, &corners),
+                    None => {
+                        collection.add(&corners);
+                        Ok(())
+                    }
+                };
                 (corners, added.err().map(Reason::NotAdded))
             }
         };
         match &reason {
-            None => self.frames.push(number),
+            None => self.names.push(name.clone()),
             // Nobody showed anything.
-            Some(Reason::NotFound(BoardNotFound::NotInView)) => {}
+            Some(Reason::NotFound(BoardNotFound::NotInView)) if time_s.is_some() => {}
             Some(reason) => {
                 let known = self.left_out.iter_mut();
                 let mut alike = known.filter(|known| known.reason.is_like(reason));
                 if let Some(known) = alike.next() {
-                    (known.reason, known.last) = (reason.clone(), number);
+                    (known.reason, known.last) = (reason.clone(), name.clone());
                     known.count += 1;
                 } else {
                     self.left_out.push(LeftOut {
                         reason: reason.clone(),
                         count: 1,
-                        last: number,
+                        last: name.clone(),
                     });
                 }
             }
         }
-        self.newest = Some((number, corners, reason));
+        self.newest = Some((name, corners, reason));
     }
 
     pub(super) fn views(&self) -> &[Vec<Corner>] {
@@ -141,14 +166,14 @@ impl Collected {
         let share = all.iter().filter(|cell| **cell).count() as f64 / all.len() as f64;
         let tilted = self.collection.as_ref().map_or(0, Collection::tilted_count);
         let advice = self.advice(&cells, share, tilted);
-        let newest = self.newest.as_ref().map(|(number, corners, reason)| {
+        let newest = self.newest.as_ref().map(|(name, corners, reason)| {
             let corners_px: Vec<_> = corners.iter().map(|corner| corner.pixel).collect();
             let reason = reason.as_ref().map(Reason::text);
-            json!({ "frame": number, "corners_px": corners_px, "reason": reason })
+            json!({ "name": name, "corners_px": corners_px, "reason": reason })
         });
-        let left_out = self.left_out.iter().map(|left| {
-            json!({ "reason": left.reason.text(), "count": left.count, "last_frame": left.last })
-        });
+        let left_out = self.left_out.iter().map(
+            |left| json!({ "reason": left.reason.text(), "count": left.count, "last": left.last }),
+        );
         let fitted = self.fitted.as_ref().map(|lens| {
             json!({
                 "model": lens.camera.camera.kind(),
@@ -165,7 +190,8 @@ impl Collected {
             "is_looking": self.is_looking,
             "is_fitting": self.is_fitting,
             "newest": newest,
-            "frames": self.frames,
+            "names": self.names,
+            "is_of_folder": self.is_of_folder,
             "cells": cells,
             "share": share,
             "tilted": tilted,

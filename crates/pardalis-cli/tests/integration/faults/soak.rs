@@ -325,7 +325,7 @@ fn cameras(place: &Workplace, settings: &Settings) -> Vec<Camera> {
         };
         let images_line = format!("images = \"frames/cam{}\"", number + 1);
         let source = format!(
-            "video = \"tcp://127.0.0.1:{port}\"\ninput = {{ timeout_s = 2, reopen_s = 60 }}"
+            "video = \"tcp://127.0.0.1:{port}\"\ninput = {{ timeout_s = 2, reopen_s = 60, when_behind = \"drop\" }}"
         );
         assert!(scene.contains(&images_line), "{scene}");
         scene = scene.replace(&images_line, &source);
