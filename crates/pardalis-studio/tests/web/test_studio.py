@@ -60,6 +60,14 @@ def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path, frames):
         expect(page.locator("#labels li")).to_have_count(number + 1)
     page.check("#marked")
     expect(page.locator("#share")).to_contain_text("% of this image")
+    # A click beside it is no ball, and the page says so.
+    expect(page.locator("#doubts")).to_be_hidden()
+    one.show("camera", 0)
+    page.mouse.click(*one.at("camera", [320, 100], (640, 480)))
+    expect(page.locator("#labels li")).to_have_count(4)
+    expect(page.locator("#doubts")).to_contain_text("is the outline on the object")
+    page.click("#undo")
+    expect(page.locator("#doubts")).to_be_hidden()
     # Targets: its diameter, in centimetres.
     one.step("targets")
     page.fill("#diameter-ball", "20")

@@ -5,7 +5,7 @@ import { button, choice, el } from "../elements.js";
 import { drawOutline, drawText } from "../picture.js";
 
 /** The share of the background that is usually taken for an object at most. Hand-set. */
-const MOST_MISTAKEN = 0.05;
+const MOST_MISTAKEN = 0.2;
 
 let isMarked = false;
 let asked = null;
