@@ -455,12 +455,14 @@ def test_two_batches_at_once_need_two_folders(scene, tmp_path):
     (tmp_path / "work").mkdir()
     own = {"env": {**os.environ, "TMPDIR": str(tmp_path / "work")}, "start_new_session": True}
     with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL, **own) as process:
-        wait_for(tmp_path / "work", 1, "*/tracks.csv")
-        with pytest.raises(RuntimeError, match=f"another batch is writing into {out}; wait until it has ended"):
-            pardalis.batch.run(scene, out, frames=2)
-        assert pardalis.batch.run(scene, tmp_path / "other", frames=2).tracked == 1
-        # However it ends, the next one may begin.
-        os.killpg(process.pid, signal.SIGKILL)
+        try:
+            wait_for(tmp_path / "work", 1, "*/tracks.csv")
+            with pytest.raises(RuntimeError, match=f"another batch is writing into {out}; wait until it has ended"):
+                pardalis.batch.run(scene, out, frames=2)
+            assert pardalis.batch.run(scene, tmp_path / "other", frames=2).tracked == 1
+        finally:
+            # However it ends, the next one may begin.
+            os.killpg(process.pid, signal.SIGKILL)
     assert (out / ".lock").exists()
     assert pardalis.batch.run(scene, out, frames=2).tracked == 1
     assert sorted(path.name for path in out.iterdir()) == ["items.parquet", "tracks"]

@@ -434,8 +434,8 @@ fn rows_yield_the_pixels_of_single_points_in_double_precision() {
     let world_from_camera = looking_at([0.4, -1.2, 2.5].into(), [0.1, 0.3, 0.2].into(), 0.3);
     let world_from_camera = world_from_camera.unwrap();
     let camera_from_world = world_from_camera.inverse();
+    let (mut inside, mut outside) = (0, 0);
     for example in examples() {
-        let mut outside = 0;
         let points_m: Vec<[f64; 3]> = directions()
             .map(|(_, direction)| {
                 (world_from_camera * Point3::from(example.point(direction, 1.0))).into()
@@ -448,7 +448,10 @@ fn rows_yield_the_pixels_of_single_points_in_double_precision() {
             for (point_m, pixel) in points_m.iter().zip(&pixels) {
                 let in_camera = camera_from_world * Point3::from(*point_m);
                 match camera.project(in_camera.into()) {
-                    Some(expected) => assert_eq!(*pixel, expected, "{}", example.name),
+                    Some(expected) => {
+                        assert_eq!(*pixel, expected, "{}", example.name);
+                        inside += 1;
+                    }
                     None => {
                         assert!(pixel.iter().all(|c| c.is_nan()), "{}", example.name);
                         outside += 1;
@@ -456,9 +459,8 @@ fn rows_yield_the_pixels_of_single_points_in_double_precision() {
                 }
             }
         }
-        let is_everywhere = example.valid_angles_rad == (0.0..std::f64::consts::PI);
-        assert!(outside > 0 || is_everywhere, "{}", example.name);
     }
+    assert!(inside > 1000 && outside > 1000, "{inside}, {outside}");
 }
 
 #[test]

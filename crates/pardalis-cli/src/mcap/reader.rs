@@ -13,7 +13,7 @@ use mcap::read::ChannelAccumulator;
 use mcap::records::{Record, Statistics, op};
 use mcap::{Channel, McapError, Message, parse_record};
 
-use crate::source::decode::recordings_in;
+use crate::recordings::recordings_in;
 
 /// Maximum size of a record in bytes: more than the largest image takes.
 const MAX_RECORD_BYTES: u64 = 256 << 20;

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io::{self, Read as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Result;
 use pardalis_images::{DecodeError, GrayImage, RgbImage, decode, decode_grey, size};
@@ -61,21 +61,6 @@ pub(crate) fn media_kind(path: &Path) -> Option<&'static str> {
         | [b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', ..] => Some("video"),
         _ => None,
     }
-}
-
-/// Returns the names of the MCAP recordings in a folder, for messages; `None` if there are none. Bags of ROS 2 are such folders.
-pub(crate) fn recordings_in(folder: &Path) -> Option<String> {
-    let paths = fs::read_dir(folder)
-        .ok()?
-        .flatten()
-        .map(|entry| entry.path());
-    let is_recording = |path: &PathBuf| path.extension().is_some_and(|suffix| suffix == "mcap");
-    let mut names: Vec<String> = paths
-        .filter(is_recording)
-        .map(|path| path.shown())
-        .collect();
-    names.sort();
-    (!names.is_empty()).then(|| names.join(", "))
 }
 
 /// Fails with the reason if an image cannot be a file of a possible length.

@@ -8,10 +8,11 @@ use anyhow::Result;
 use pardalis::frame::MAX_TIME_S;
 use pardalis_scene::FrameRange;
 
-use super::decode::{check_file, decode_image, image_size, recordings_in};
+use super::decode::{check_file, decode_image, image_size};
 use super::times::{ImageTimes, read_times};
 use super::{Pixels, TimeSpan, TimedBytes, Timing};
 use crate::output::{Shown, in_line};
+use crate::recordings::recordings_in;
 use crate::user_error::user_error;
 
 /// The images that are still to be delivered.

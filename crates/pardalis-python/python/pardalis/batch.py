@@ -332,7 +332,9 @@ def _track(item: Item, watch: Callable[[subprocess.Popen[str]], None] | None = N
             tracked = run_command("track", *options, "--output", work, "--", scene)
             if tracked.error is not None:
                 raise tracked.error
-            warnings, figures, error = tracked.warnings, {}, None
+            warnings = tracked.warnings
+            figures: dict[str, Any] = {}
+            error: ValueError | RuntimeError | None = None
             table = _table(item, os.path.join(work, "tracks.csv"))
             # Without rows, as of a crowd that is never there, there is nothing to compare.
             if item.truth is not None and len(table) > 0:
@@ -340,7 +342,7 @@ def _track(item: Item, watch: Callable[[subprocess.Popen[str]], None] | None = N
                 warnings, error = warnings + evaluated.warnings, evaluated.error
                 figures = json.loads(evaluated.printed) if error is None else {}
             summary = json.loads(Path(work, "summary.json").read_text(encoding="utf-8"))
-            record = {
+            record: dict[str, Any] = {
                 "key": item.key,
                 "warnings": [_told(text, scene, item) for text in warnings],
                 "targets": [_row(name, target["rows"], figures) for name, target in summary["targets"].items()],
