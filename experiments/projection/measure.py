@@ -1,14 +1,16 @@
-"""A million points projected from NumPy: Pardalis beside OpenCV, on the lens models that both have.
+"""A million points projected from NumPy: Pardalis beside its Rust library, and beside OpenCV on the lens models that both have.
 
     python experiments/projection/measure.py [experiments/record/DATE]
 
-Needs the packages of requirements.txt and `pip install ./crates/pardalis-python`. Fails if any pixel differs by more than 1e-9 px.
+Needs the packages of requirements.txt, `pip install ./crates/pardalis-python`, and cargo. Fails if any pixel differs from that of the Rust library, or by more than
+1e-9 px from that of OpenCV.
 """
 
 import csv
 import platform
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -49,38 +51,69 @@ def pose():
     return world_from_camera, turned, camera_from_world[:3, 3]
 
 
-def of_lens(name, k, in_camera_m):
+def calibration(name, k, world_from_camera):
+    """The text of a calibration file of Pardalis."""
+    model = f"kannala_brandt]\nk = {k}" if name == "fisheye" else f"pinhole]\ndistortion = {k}"
+    return (
+        f"[cameras.cam]\nsize_px = {list(SIZE_PX)}\nworld_from_camera = {world_from_camera.tolist()}\n"
+        f"[cameras.cam.model.{model}\nf_px = {list(F_PX)}\ncenter_px = {list(CENTER_PX)}\n"
+    )
+
+
+def of_rust(folder):
+    """Project the points of the folder by the Rust library. Return the pixels, and the least time of a few calls in seconds."""
+    command = ["cargo", "bench", "--quiet", "--locked", "--package", "pardalis", "--bench", "rows", "--", str(folder), str(REPEATS)]
+    ended = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
+    return np.fromfile(folder / "pixels.f64").reshape(-1, 2), 1e-3 * float(ended.stdout)
+
+
+def of_lens(name, k, in_camera_m, folder):
     world_from_camera, turned, moved = pose()
     in_world_m = in_camera_m @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
+    (folder / "camera.toml").write_text(calibration(name, k, world_from_camera))
+    in_world_m.tofile(folder / "points.f64")
+    camera = Camera.read(folder / "camera.toml")
     matrix = np.array([[F_PX[0], 0, CENTER_PX[0]], [0, F_PX[1], CENTER_PX[1]], [0, 0, 1.0]])
     if name == "fisheye":
-        camera = Camera.fisheye(SIZE_PX, F_PX, CENTER_PX, k)
         of_opencv = lambda: cv2.fisheye.projectPoints(in_world_m[:, None], turned, moved, matrix, np.array(k))[0]
     else:
-        camera = Camera.pinhole(SIZE_PX, F_PX, CENTER_PX, k)
         of_opencv = lambda: cv2.projectPoints(in_world_m, turned, moved, matrix, np.array(k))[0]
-    camera = camera.at(world_from_camera)
     both = {"pardalis": lambda: camera.project(in_world_m), "opencv": of_opencv}
-    off_px = np.abs(both["pardalis"]() - both["opencv"]()[:, 0]).max()
+    pixels = both["pardalis"]()
+    off_px = np.abs(pixels - both["opencv"]()[:, 0]).max()
     if not off_px <= TOLERANCE_PX:
-        sys.exit(f"{name}: pixels differ by {off_px} px")
+        sys.exit(f"{name}: pixels differ by {off_px} px from those of OpenCV")
+    # Before and after the others, because other programs may be busy meanwhile.
+    rust_pixels, rust_s = of_rust(folder)
+    if not np.array_equal(pixels, rust_pixels):
+        sys.exit(f"{name}: pixels differ from those of the Rust library")
     best_s = dict.fromkeys(both, np.inf)
     for _ in range(REPEATS):
         for which, project in both.items():
             begin_s = time.perf_counter()
             project()
             best_s[which] = min(best_s[which], time.perf_counter() - begin_s)
-    ours_ms, theirs_ms = (1e3 * best_s[which] for which in ("pardalis", "opencv"))
-    return {"run": name, "pardalis_ms": round(ours_ms, 1), "opencv_ms": round(theirs_ms, 1), "times_as_fast": round(theirs_ms / ours_ms, 2), "most_off_px": f"{off_px:.1e}"}
+    rust_s = min(rust_s, of_rust(folder)[1])
+    rust_ms, ours_ms, theirs_ms = (1e3 * seconds for seconds in (rust_s, best_s["pardalis"], best_s["opencv"]))
+    return {
+        "run": name,
+        "rust_ms": round(rust_ms, 1),
+        "pardalis_ms": round(ours_ms, 1),
+        "opencv_ms": round(theirs_ms, 1),
+        "times_rust": round(ours_ms / rust_ms, 2),
+        "times_as_fast": round(theirs_ms / ours_ms, 2),
+        "most_off_px": f"{off_px:.1e}",
+    }
 
 
 def main(record=None):
     cv2.setNumThreads(1)
     in_camera_m = points_m(np.random.default_rng(1))
     measured = []
-    for name, k in LENSES.items():
-        measured.append(of_lens(name, k, in_camera_m))
-        print(measured[-1])
+    with tempfile.TemporaryDirectory() as folder:
+        for name, k in LENSES.items():
+            measured.append(of_lens(name, k, in_camera_m, Path(folder)))
+            print(measured[-1])
     if record:
         write_record(Path(record), measured)
 

@@ -1,7 +1,8 @@
-//! Projection of many points at once, in single precision and vectorised.
+//! Projection of many points at once: vectorised in single precision for the kernels, and in double precision.
 
-use super::{Camera, Projection};
+use super::{Camera, Pose, Projection};
 use crate::with_model;
+use nalgebra::Point3;
 use pardalis_core::simd::Level;
 
 /// Number of points per block.
@@ -27,6 +28,30 @@ impl Camera {
                 || project_columns(&model, points, [u, v]),
             );
         });
+    }
+
+    /// Writes the pixels of points in double precision. The points are given as rows x, y, z in the frame from which the pose leads to the
+    /// camera frame, in metres. Points outside the model's domain yield NaN.
+    ///
+    /// The pixels are those of [`Camera::project`], to the bit. There must be as many as points.
+    pub fn project_rows(
+        &self,
+        level: Level,
+        camera_from_world: &Pose,
+        points_m: &[[f64; 3]],
+        pixels: &mut [[f64; 2]],
+    ) {
+        assert_eq!(points_m.len(), pixels.len(), "as many pixels as points");
+        with_model!(self, model => level.run(
+            #[inline(always)]
+            || {
+                for (point_m, pixel) in points_m.iter().zip(pixels) {
+                    let in_camera = camera_from_world * Point3::from(*point_m);
+                    let (found, valid) = model.project(in_camera.into());
+                    *pixel = if valid { found } else { [f64::NAN; 2] };
+                }
+            },
+        ));
     }
 }
 

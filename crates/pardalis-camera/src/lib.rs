@@ -275,7 +275,7 @@ macro_rules! map_model {
 
 impl Camera {
     /// Returns the pixel of a point (camera frame, metres), or `None` outside the model's domain.
-    /// To project many points, use [`Camera::project_points`], which is faster.
+    /// To project many points, use [`Camera::project_points`] or [`Camera::project_rows`], which are faster.
     pub fn project(&self, point_in_camera: [f64; 3]) -> Option<[f64; 2]> {
         let (pixel, valid) = with_model!(self, model => model.project(point_in_camera));
         valid.then_some(pixel)

@@ -25,6 +25,7 @@ mod package;
 mod platforms;
 mod program_file;
 mod progress;
+mod recordings;
 mod rectangle;
 mod report;
 mod rig;

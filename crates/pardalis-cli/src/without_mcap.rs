@@ -42,6 +42,10 @@ impl Images {
         match *self {}
     }
 
+    pub(crate) fn is_cut_off(&self) -> bool {
+        match *self {}
+    }
+
     pub(crate) fn name(&self) -> String {
         match *self {}
     }

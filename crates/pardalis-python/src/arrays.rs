@@ -1,5 +1,7 @@
 //! Between NumPy arrays and the library's types.
 
+use std::borrow::Cow;
+
 use numpy::ndarray::Array2;
 use numpy::{
     AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArrayLike2, PyArrayLike3, TypeMustMatch,
@@ -16,7 +18,7 @@ use pardalis::{Error, Frame};
 pub(crate) type Image<'py> = PyArrayLike3<'py, u8, TypeMustMatch>;
 
 /// Numbers in rows.
-type Rows<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
+type Numbers<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
 
 /// Whether each pixel is meant: height x width.
 pub(crate) type Pixels<'py> = PyArrayLike2<'py, bool, TypeMustMatch>;
@@ -55,25 +57,34 @@ pub(crate) fn frame(image: &Image, time_s: f64) -> PyResult<Frame> {
     Frame::from_rgb(width, height, bytes, time_s).map_err(crate::value_error)
 }
 
-/// Points in rows of this many coordinates.
-pub(crate) fn rows<const N: usize>(
-    points: &Bound<'_, PyAny>,
-    what: &str,
-) -> PyResult<Vec<[f64; N]>> {
-    let wanted = format!("N x {N} numbers");
-    let points: Rows = points.extract().map_err(|_| is_no(what, &wanted))?;
-    let points = points.as_array();
-    if points.ncols() != N {
-        let columns = points.ncols();
-        return Err(PyValueError::new_err(format!(
-            "{what} has {columns} columns; allowed: {N}"
-        )));
+/// Points in rows of `N` coordinates.
+pub(crate) struct Rows<'py, const N: usize>(Numbers<'py>);
+
+impl<'py, const N: usize> Rows<'py, N> {
+    /// An argument as points.
+    pub(crate) fn of(points: &Bound<'py, PyAny>, what: &str) -> PyResult<Self> {
+        let wanted = format!("N x {N} numbers");
+        let points: Numbers = points.extract().map_err(|_| is_no(what, &wanted))?;
+        let columns = points.as_array().ncols();
+        if columns != N {
+            return Err(PyValueError::new_err(format!(
+                "{what} has {columns} columns; allowed: {N}"
+            )));
+        }
+        Ok(Self(points))
     }
-    let rows = points.rows();
-    Ok(rows
-        .into_iter()
-        .map(|row| std::array::from_fn(|i| row[i]))
-        .collect())
+
+    /// The points: those of the array itself, or copies if they are elsewhere in memory one by one, as in views.
+    pub(crate) fn get(&self) -> Cow<'_, [[f64; N]]> {
+        let points = self.0.as_array();
+        match points.to_slice() {
+            Some(numbers) => Cow::Borrowed(numbers.as_chunks().0),
+            None => {
+                let rows = points.rows().into_iter();
+                Cow::Owned(rows.map(|row| std::array::from_fn(|i| row[i])).collect())
+            }
+        }
+    }
 }
 
 /// Boxes in rows of left, top, right and bottom side, and a score if there are five columns.
@@ -83,7 +94,7 @@ pub(crate) fn boxes(boxes: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<ImageB
     if boxes.len().is_ok_and(|count| count == 0) {
         return Ok(Vec::new());
     }
-    let boxes: Rows = boxes.extract().map_err(|_| is_no(what, wanted))?;
+    let boxes: Numbers = boxes.extract().map_err(|_| is_no(what, wanted))?;
     let boxes = boxes.as_array();
     if !matches!(boxes.ncols(), 4 | 5) {
         let columns = boxes.ncols();
@@ -103,12 +114,13 @@ pub(crate) fn boxes(boxes: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<ImageB
     found.collect()
 }
 
-/// Rows as an array.
-pub(crate) fn array<'py, const N: usize>(
-    py: Python<'py>,
-    rows: &[[f64; N]],
-) -> Bound<'py, PyArray2<f64>> {
-    Array2::from_shape_fn((rows.len(), N), |(i, j)| rows[i][j]).into_pyarray(py)
+/// Rows as an array, without a copy.
+pub(crate) fn array<const N: usize>(
+    py: Python<'_>,
+    rows: Vec<[f64; N]>,
+) -> Bound<'_, PyArray2<f64>> {
+    let array = Array2::from_shape_vec((rows.len(), N), rows.into_flattened());
+    array.expect("N numbers per row").into_pyarray(py)
 }
 
 /// A vector as an array.
@@ -118,7 +130,7 @@ pub(crate) fn vector<const N: usize>(py: Python<'_>, vector: [f64; N]) -> Bound<
 
 /// A pose from a 4 x 4 matrix.
 pub(crate) fn pose(matrix: &Bound<'_, PyAny>) -> PyResult<Pose> {
-    let rows = rows::<4>(matrix, "the pose matrix")?;
+    let rows = Rows::<4>::of(matrix, "the pose matrix")?.get().into_owned();
     let rows: [[f64; 4]; 4] = rows.try_into().map_err(|rows: Vec<_>| {
         let count = rows.len();
         let error = Error::out_of_range("the pose matrix", format!("{count} rows"), "4 rows");
@@ -132,7 +144,7 @@ pub(crate) fn pose_covariance(matrix: Option<&Bound<'_, PyAny>>) -> PyResult<Pos
     let Some(matrix) = matrix else {
         return Ok(PoseCovariance::zero());
     };
-    let rows = rows::<6>(matrix, "the covariance")?;
+    let rows = Rows::<6>::of(matrix, "the covariance")?.get().into_owned();
     let rows: [[f64; 6]; 6] = rows.try_into().map_err(|rows: Vec<_>| {
         let count = rows.len();
         let error = Error::out_of_range("the covariance", format!("{count} rows"), "6 rows");

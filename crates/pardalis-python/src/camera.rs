@@ -12,7 +12,7 @@ use crate::arrays;
 use crate::{in_file, read_text, value_error};
 use pardalis::View;
 use pardalis::camera::{
-    Camera as Lens, Equidistant, KannalaBrandt, Mask, Pinhole, Pose, looking_at,
+    Camera as Lens, Equidistant, KannalaBrandt, Level, Mask, Pinhole, Pose, looking_at,
 };
 use pardalis_scene::calibration;
 
@@ -230,16 +230,16 @@ impl Camera {
         py: Python<'py>,
         points_m: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let points = arrays::rows::<3>(points_m, "points_m")?;
-        let pixels = py.detach(|| {
+        let points = arrays::Rows::of(points_m, "points_m")?;
+        let points_m = points.get();
+        let mut pixels = vec![[0.0; 2]; points_m.len()];
+        py.detach(|| {
             let camera_from_world = self.world_from_camera.inverse();
-            let pixel = |point: &[f64; 3]| {
-                let point = camera_from_world * Point3::from(*point);
-                self.lens.project(point.into()).unwrap_or([f64::NAN; 2])
-            };
-            points.iter().map(pixel).collect::<Vec<_>>()
+            let level = Level::best();
+            self.lens
+                .project_rows(level, &camera_from_world, &points_m, &mut pixels);
         });
-        Ok(arrays::array(py, &pixels))
+        Ok(arrays::array(py, pixels))
     }
 
     /// Return the rays of pixels (N x 2): their origins (N x 3, metres) and unit directions (N x 3) in the world. Pixels without a
@@ -249,7 +249,8 @@ impl Camera {
         py: Python<'py>,
         pixels: &Bound<'py, PyAny>,
     ) -> PyResult<[Bound<'py, PyArray2<f64>>; 2]> {
-        let pixels = arrays::rows::<2>(pixels, "pixels")?;
+        let pixels = arrays::Rows::of(pixels, "pixels")?;
+        let pixels = pixels.get();
         let (origins, directions): (Vec<_>, Vec<_>) = py.detach(|| {
             let ray = |pixel: &[f64; 2]| {
                 let Some(ray) = self.lens.unproject(*pixel) else {
@@ -261,7 +262,7 @@ impl Camera {
             };
             pixels.iter().map(ray).unzip()
         });
-        Ok([arrays::array(py, &origins), arrays::array(py, &directions)])
+        Ok([arrays::array(py, origins), arrays::array(py, directions)])
     }
 
     fn __repr__(&self) -> String {

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::{in_file, read_text, value_error};
+use crate::{in_file, os_error, read_text, value_error};
 use pardalis::color::{ColorLearner, Palette};
 
 /// The colours of a target, and how they change across its outline.
@@ -58,8 +58,7 @@ impl ColorModel {
 
     /// Write a file that scenes can name, too.
     fn write(&self, path: PathBuf) -> PyResult<()> {
-        std::fs::write(&path, self.0.to_text())
-            .map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))
+        std::fs::write(&path, self.0.to_text()).map_err(|error| os_error(&path, &error))
     }
 
     /// The number of the target's pixels from which it was learnt.

@@ -63,10 +63,8 @@ impl Estimate {
     #[getter]
     fn covariance_m2<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
         let [xx, xy, xz, yy, yz, zz] = self.known.kinematics?.covariance_m2;
-        Some(arrays::array(
-            py,
-            &[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]],
-        ))
+        let rows = vec![[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+        Some(arrays::array(py, rows))
     }
 
     /// Where a body that turns faces, radians counter-clockwise from x.

@@ -11,7 +11,9 @@ mod program;
 mod target;
 mod tracker;
 
-use pyo3::exceptions::{PyOSError, PyValueError};
+use std::io;
+
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use pardalis::Error;
@@ -26,10 +28,14 @@ fn in_file(path: &std::path::Path, error: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(format!("{}: {error}", path.display()))
 }
 
+/// A file that cannot be read or written: an `OSError`, a `FileNotFoundError` where there is none.
+fn os_error(path: &std::path::Path, error: &io::Error) -> PyErr {
+    io::Error::new(error.kind(), format!("{}: {error}", path.display())).into()
+}
+
 /// Reads a text file.
 fn read_text(path: &std::path::Path) -> PyResult<String> {
-    std::fs::read_to_string(path)
-        .map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))
+    std::fs::read_to_string(path).map_err(|error| os_error(path, &error))
 }
 
 #[pymodule]

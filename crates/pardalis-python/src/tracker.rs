@@ -1,6 +1,8 @@
 //! The tracker.
 
 use std::ffi::CString;
+use std::fs::File;
+use std::io;
 use std::path::PathBuf;
 
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
@@ -208,8 +210,13 @@ impl Tracker {
         let sizes_px = size_px.into_iter().flatten();
         let sizes_px: Vec<_> = sizes_px.map(|(name, size)| (name, size.into())).collect();
         let opened = pardalis_cli::tracker_of_scene(file.as_deref(), &settings, &sizes_px);
-        let (scene, tracker) =
-            opened.map_err(|error| PyValueError::new_err(format!("{error:#}")))?;
+        let (scene, tracker) = opened.map_err(|error| {
+            let words = format!("{error:#}");
+            match file.as_deref().map(File::open) {
+                Some(Err(why)) => io::Error::new(why.kind(), words).into(),
+                _ => PyValueError::new_err(words),
+            }
+        })?;
         for warning in &scene.warnings {
             warn(py, &warning.to_string())?;
         }

@@ -143,6 +143,48 @@ def test_recordings_and_truths(scene, tmp_path, monkeypatch):
     assert "gone.mp4" in batch.failures["plain.gone.1"]
 
 
+def test_platforms_move_as_in_the_recording(scene, tmp_path):
+    # Without a start, which would be in the world. The camera's own pose is that on the platform.
+    text = scene.read_text().split("motion.")[0].replace("[cameras.cam1]", '[cameras.cam1]\nplatform = "robot"')
+    scene.write_text(text + "[platforms.robot]\n")
+    rows = [f"{time_s},{{x_m}},0,0,0,0,0,1" for time_s in (0, 1)]
+    for name, x_m in (("still", 0), ("moved", 3)):
+        poses = "\n".join(["time_s,x_m,y_m,z_m,qx,qy,qz,qw", *rows]).format(x_m=x_m)
+        (tmp_path / f"{name}.csv").write_text(poses + "\n")
+
+    def run(output, still, moved, **options):
+        recordings = {"still": {"cam1": {}, "robot": still}, "moved": {"cam1": {}, "robot": moved}}
+        return pardalis.batch.run(scene, tmp_path / output, recordings=recordings, frames=3, **options)
+
+    assert run("out", {"poses": tmp_path / "still.csv"}, {"poses": tmp_path / "moved.csv"}).failures == {}
+    rows = pandas.read_parquet(tmp_path / "out" / "tracks")
+    x_m = {name: rows[rows.recording == name].x_m.to_numpy() for name in ("still", "moved")}
+    assert np.isfinite(x_m["still"]).all()
+    np.testing.assert_allclose(x_m["moved"] - x_m["still"], 3, atol=0.01)
+    # The name of a file alone takes the place of the scene's.
+    scene.write_text(scene.read_text() + 'poses = "nowhere.csv"\n')
+    assert run("names", tmp_path / "still.csv", tmp_path / "moved.csv").failures == {}
+    for name in ("still", "moved"):
+        assert pandas.read_parquet(tmp_path / "names" / "tracks" / f"scene.{name}.1.parquet").x_m.tolist() == x_m[name].tolist()
+    # Its contents count, not its time.
+    os.utime(tmp_path / "moved.csv", ns=(0, 0))
+    assert run("names", tmp_path / "still.csv", tmp_path / "moved.csv").tracked == 0
+    (tmp_path / "moved.csv").write_text((tmp_path / "still.csv").read_text())
+    assert run("names", tmp_path / "still.csv", tmp_path / "moved.csv").tracked == 1
+
+    def error(recording):
+        with pytest.raises(ValueError) as raised:
+            pardalis.batch.run(scene, tmp_path / "none", recordings={"a": recording})
+        return str(raised.value)
+
+    assert error({"cam1": {}}) == 'recordings: "a" has nothing of the platforms robot of scene "scene"; give {} to leave them'
+    assert error({"cam1": {}, "rover": "a.csv"}).endswith('platform "rover", and scene "scene" has only cam1, robot')
+    scene.write_text(scene.read_text().replace('poses = "nowhere.csv"\n', ""))
+    assert error({"cam1": {}, "robot": "a.csv"}).endswith('the platform "robot"; give {"odometry": ...} or {"poses": ...}')
+    scene.write_text(scene.read_text().replace("robot", "cam1"))
+    assert error({"cam1": {}}) == 'recordings: "cam1" is a camera and a platform of scene "scene"; rename one of them there'
+
+
 def test_crowds_and_warnings(scene, tmp_path):
     folder = scene.parent
     cameras = {"cam1": {"images": folder / "frames", "calibration": folder / "cameras.toml"}}
@@ -181,7 +223,7 @@ def test_arguments_that_cannot_be_used_are_named(scene, tmp_path, monkeypatch):
     assert error(frames=2.5) == "frames is 2.5; allowed: a whole number, 1 or more"
     assert error(evaluate_options="--interpolate") == 'evaluate_options is a text; allowed: a list, ["--interpolate"]'
     assert error(truths="ring") == "truths is 'ring'; allowed: a dictionary by the names of recordings"
-    assert error(recordings={"a": "a.mp4"}) == "recordings: \"a\" is 'a.mp4'; allowed: a dictionary by the names of cameras"
+    assert error(recordings={"a": "a.mp4"}) == "recordings: \"a\" is 'a.mp4'; allowed: a dictionary by the names of cameras and platforms"
     camera = {"images": "frames", "calibration": "cameras.toml", "detections": "boxes.csv"}
     two = {"cameras": {"cam1": camera, "cam2": camera}, "targets": {}}
     assert error(two, recordings={"a": {"cam1": {"video": "a.mp4", "detections": "a.csv"}}}).startswith(
@@ -215,8 +257,8 @@ def test_keys_of_files_are_those_of_scenes():
             yield from texts(value)
 
     found = set(texts(json.loads((DATA.parent / "docs" / "reference" / "scene.schema.json").read_text())))
-    known = {*pardalis.batch._RECORDED, *pardalis.batch._CONTENTS}
-    # A new key that holds text is a file's name, and belongs into pardalis/batch.py, or it is listed here.
+    known = {*pardalis._items.RECORDED, *pardalis._items.CONTENTS}
+    # A new key that holds text is a file's name, and belongs into pardalis/_items.py, or it is listed here.
     assert found - known == {"calibration_camera", "camera", "class", "pixel_format", "platform", "target", "topic"}
     assert known <= found
 
@@ -301,6 +343,35 @@ def test_invalid_input_fails_once_and_the_others_are_tracked(scene, tmp_path, ca
     assert not (out / "replaced").exists()
 
 
+def test_tracks_are_kept_if_they_cannot_be_evaluated(scene, tmp_path, calls):
+    out = tmp_path / "out"
+    truth = scene.with_name("truth.csv")
+    right = truth.read_text()
+    truth.write_text("frame,time_s\n")
+    options = {"frames": 3, "truths": {"scene": truth}}
+    batch = pardalis.batch.run(scene, out, **options)
+    # Invalid input is not tried again.
+    assert calls == ["track", "evaluate"] and batch.tracked == 0
+    [error] = batch.failures.values()
+    assert error.startswith("evaluation: ") and "truth.csv" in error
+    rows = pandas.read_parquet(out / "tracks")
+    tracks = pardalis.track(scene, tmp_path / "tracks", frames=3, plots=False)
+    np.testing.assert_array_equal(rows.x_m.to_numpy(), tracks.columns["x_m"])
+    ball = items(out).loc[("scene", "own", 1)]
+    assert (ball.status, ball.error, ball.rows, ball.tracking) == ("failed", error, 3, 3)
+    assert np.isnan(ball.position_rmse_m)
+    # The next run tries it again, and has the tracks meanwhile.
+    before = files(out)
+    assert pardalis.batch.run(scene, out, **options).failures == batch.failures
+    assert files(out) == before and calls == ["track", "evaluate"] * 2
+    truth.write_text(right)
+    batch = pardalis.batch.run(scene, out, **options)
+    assert (batch.tracked, batch.failures) == (1, {})
+    ball = items(out).loc[("scene", "own", 1)]
+    assert ball.status == "done" and ball.error is None and ball.position_rmse_m < 0.1
+    assert not (out / "replaced").exists()
+
+
 def test_what_was_not_tracked_is_no_miss(scene, tmp_path):
     pardalis.batch.run(scene, tmp_path / "out", frames=3, truths={"scene": scene.parent})
     ball = items(tmp_path / "out").loc[("scene", "own", 1)]
@@ -355,6 +426,65 @@ def test_an_interrupt_keeps_what_is_finished(scene, tmp_path):
     assert items(out).status.tolist() == ["done"] * 4 + ["open"] * 4
     assert sorted(path.name for path in out.iterdir()) == ["items.parquet", "tracks"]
     assert pardalis.batch.run({"quick": scene}, out, seeds=range(5)).tracked == 1
+
+
+def test_termination_keeps_what_is_finished(scene, tmp_path):
+    out = tmp_path / "out"
+    scenes = {"quick": str(scene), "slow": str(slow(scene))}
+    code = f"import pardalis.batch\npardalis.batch.run({scenes!r}, {str(out)!r}, seeds=range(2), workers=2)"
+    with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, start_new_session=True) as process:
+        wait_for(out / "tracks", 2)
+        process.terminate()
+        _, messages = process.communicate(timeout=60)
+        # Nothing of its session is left.
+        with pytest.raises(ProcessLookupError):
+            os.killpg(process.pid, 0)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert messages.decode().endswith(f"2 of 4 items done, 0 failed, 2 tracked now: {out}\n")
+    assert items(out).status.tolist() == ["done"] * 2 + ["open"] * 2
+    assert sorted(path.name for path in out.iterdir()) == ["items.parquet", "tracks"]
+    # Afterwards it is as before.
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    pardalis.batch.run(scene, tmp_path / "quick", frames=2)
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_two_batches_at_once_need_two_folders(scene, tmp_path):
+    out = tmp_path / "out"
+    code = f"import pardalis.batch\npardalis.batch.run({str(slow(scene))!r}, {str(out)!r})"
+    (tmp_path / "work").mkdir()
+    own = {"env": {**os.environ, "TMPDIR": str(tmp_path / "work")}, "start_new_session": True}
+    with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL, **own) as process:
+        try:
+            wait_for(tmp_path / "work", 1, "*/tracks.csv")
+            with pytest.raises(RuntimeError, match=f"another batch is writing into {out}; wait until it has ended"):
+                pardalis.batch.run(scene, out, frames=2)
+            assert pardalis.batch.run(scene, tmp_path / "other", frames=2).tracked == 1
+        finally:
+            # However it ends, the next one may begin.
+            os.killpg(process.pid, signal.SIGKILL)
+    assert (out / ".lock").exists()
+    assert pardalis.batch.run(scene, out, frames=2).tracked == 1
+    assert sorted(path.name for path in out.iterdir()) == ["items.parquet", "tracks"]
+
+
+def test_workers_of_another_version_are_refused(scene, tmp_path):
+    def pretend(version):
+        import pardalis.batch
+
+        pardalis.batch.__version__ = version
+
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        client.run(pretend, "0.0.1")
+        batch = pardalis.batch.run(scene, tmp_path / "out", frames=2, engine=client)
+        [error] = batch.failures.values()
+        versions = f"has Pardalis 0.0.1, and the batch was started with {pardalis.__version__}; install the same version on all computers"
+        assert error.endswith(versions) and not (tmp_path / "out" / "tracks").exists()
+        client.run(pretend, pardalis.__version__)
+        assert pardalis.batch.run(scene, tmp_path / "out", frames=2, engine=client).tracked == 1
 
 
 def test_dask_writes_the_same_bytes(scene, tmp_path):

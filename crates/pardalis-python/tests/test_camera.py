@@ -32,6 +32,22 @@ def test_a_point_lies_on_the_ray_of_its_pixel(camera):
     assert np.abs(off).max() < 1e-6
 
 
+def test_points_may_be_in_any_array():
+    camera = FISHEYE.looking([1, -2, 1.5], [0, 0, 0.2])
+    points = np.random.default_rng(2).uniform(-0.5, 0.5, (40, 3))
+    pixels = camera.project(points)
+    assert pixels.flags.c_contiguous and pixels.flags.writeable and pixels.shape == (40, 2)
+    # Views, other orders in memory, read-only arrays and lists.
+    for same in [np.repeat(points, 2, axis=0)[::2], np.asfortranarray(points), points[:, ::-1].copy()[:, ::-1], points.tolist()]:
+        np.testing.assert_array_equal(camera.project(same), pixels)
+    points.flags.writeable = False
+    np.testing.assert_array_equal(camera.project(points), pixels)
+    single = points.astype(np.float32)
+    np.testing.assert_array_equal(camera.project(single), camera.project(single.astype(float)))
+    assert camera.project(np.empty((0, 3))).shape == (0, 2)
+    assert [array.shape for array in camera.rays(np.empty((0, 2)))] == [(0, 3), (0, 3)]
+
+
 def test_the_pose_maps_the_cameras_frame_to_the_world():
     camera = PINHOLE.looking([0, -2, 1], [0, 0, 1])
     pose = camera.world_from_camera
@@ -50,7 +66,7 @@ def test_calibration_files_are_read():
         Camera.read(DATA / "webcams-two/cameras.json")
     with pytest.raises(ValueError, match=r"says that images are \(640, 480\), and size_px is \(320, 240\)"):
         Camera.read(DATA / "dioptric-jump/camera.json", [320, 240])
-    with pytest.raises(OSError, match="missing.yaml"):
+    with pytest.raises(FileNotFoundError, match="missing.yaml"):
         Camera.read("missing.yaml")
 
 

@@ -304,7 +304,7 @@ def test_topics_are_named_where_one_is_needed(recording, tmp_path):
     assert "mcap: cannot be combined with images" in error(images="here")
     (tmp_path / "text.mcap").write_text("no recording")
     assert "text.mcap: is not an MCAP recording" in error(mcap=tmp_path / "text.mcap")
-    assert "is a folder; give the .mcap file in it" in error(mcap=tmp_path)
+    assert f"is a folder; give a recording in it: {tmp_path / 'text.mcap'}" in error(mcap=tmp_path)
     assert "nowhere.mcap: cannot be read: there is no such file" in error(mcap=tmp_path / "nowhere.mcap")
 
 
@@ -386,12 +386,12 @@ def test_init_leaves_out_what_it_cannot_read_and_keeps_lenses_with_topics(tmp_pa
         pardalis.run("init", tmp_path / "depth.mcap", "--colors", DATA / "colors" / COLORS, "-o", scene)
     words = [str(warning.message) for warning in warned]
     assert sum("left out: " in word and '"32FC1"' in word for word in words) == 1
-    assert sum("its images are rectified" in word for word in words) == 2
     # One that nobody has calibrated costs the others nothing.
     assert sum("topic /depth/camera_info: " in word and "not calibrated" in word for word in words) == 1
     # Nor has it that of another.
     assert sum("/rear/image_raw: has no calibration; the scene has a guess" in word for word in words) == 1
     text = scene.read_text()
+    assert text.count('calibration_lens = "rectified"') == 2
     assert "[cameras.depth]" not in text
     assert "calibration = " not in text.split("[cameras.rear]")[1].split("\n[")[0]
     # Another name keeps the lens.
@@ -399,6 +399,94 @@ def test_init_leaves_out_what_it_cannot_read_and_keeps_lenses_with_topics(tmp_pa
     assert 'calibration_camera = "left"' in text
     with pytest.warns(UserWarning):
         assert "cameras.port" in pardalis.run("check", scene)
+
+
+def test_rectified_images_have_the_lens_of_the_projection_matrix(tmp_path):
+    # The webcams have no distortion: their images are those of a rectified camera, here with a calibration of raw images that would be quite another one.
+    known = json.loads((RIG / "cameras.json").read_text())["cameras"][0]
+    matrix = [known["fx"], 0, known["cx"], 0, 0, known["fy"], known["cy"], 0, 0, 0, 1, 0]
+    calibration = {
+        "height": 240, "width": 320, "distortion_model": "plumb_bob", "d": [-0.3, 0.1, 0.0, 0.0, 0.0],
+        "k": [250.0, 0, 150, 0, 250, 130, 0, 0, 1], "r": np.eye(3).ravel().tolist(), "p": matrix, "binning_x": 0, "binning_y": 0,
+        "roi": {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
+    }  # fmt: skip
+    # Names that differ only in a slash.
+    topics = {"robot-left": "/robot/left", "robot_left": "/robot_left"}
+    with open(tmp_path / "rect.mcap", "wb") as file:
+        writer = Writer(file)
+        image = writer.register_msgdef("sensor_msgs/msg/Image", IMAGE)
+        info = writer.register_msgdef("sensor_msgs/msg/CameraInfo", CAMERA_INFO)
+        for number in range(12):
+            stamped = {"header": header(number)}
+            pixels = raw("bgr8", pixels_of("cam1", number))
+            at = {"log_time": START_S * 10**9 + number * 10**9 // FPS}
+            writer.write_message("/robot/left/image_rect", image, stamped | pixels, **at)
+            writer.write_message("/robot/left/camera_info", info, stamped | calibration, **at)
+            writer.write_message("/robot_left/image_raw", image, stamped | pixels, **at)
+            writer.write_message("/robot_left/camera_info", info, stamped | calibration, **at)
+        writer.finish()
+    path = tmp_path / "rect.mcap"
+    colors = ["--colors", DATA / "colors" / COLORS, "--radius-m", 0.035]
+    pardalis.run("init", path, *colors, "-o", tmp_path / "both.toml")
+    text = (tmp_path / "both.toml").read_text()
+    for name, topic in topics.items():
+        part = text.split(f"[cameras.{name}]")[1].split("\n[")[0]
+        assert f'topic = "{topic}/' in part and f'calibration_camera = "{name}"' in part
+        assert ('calibration_lens = "rectified"' in part) == (name == "robot-left")
+    camera = {"mcap": path, "topic": "/robot/left/image_rect", "calibration": path, "calibration_camera": "robot-left"}
+    camera["world_from_camera"] = known["T_world_from_camera"]
+    scene = {"cameras": {"cam": camera}, "targets": scene_of(path)["targets"]}
+    rectified = pardalis.track(scene, tmp_path / "rectified", plots=False)
+    model = {"pinhole": {"f_px": [known["fx"], known["fy"]], "center_px": [known["cx"], known["cy"]]}}
+    for key in ("calibration", "calibration_camera"):
+        del camera[key]
+    stated = pardalis.track({**scene, "cameras": {"cam": {**camera, "model": model}}}, tmp_path / "stated", plots=False)
+    assert (stated.columns["state"] == "tracking").sum() >= 10
+    np.testing.assert_array_equal(rectified.positions_m("ball"), stated.positions_m("ball"))
+    # Nothing is rectified where the topic does not say so.
+    camera |= {"calibration": path, "calibration_camera": "robot-left"}
+    raw_lens = pardalis.track({**scene, "cameras": {"cam": {**camera, "calibration_lens": "pinhole"}}}, tmp_path / "raw", plots=False)
+    assert not np.array_equal(raw_lens.positions_m("ball"), stated.positions_m("ball"), equal_nan=True)
+
+
+def test_bags_are_folders_with_recordings(recording, tmp_path):
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 5\n")
+    scene = scene_of(recording)
+    for camera in NAMES:
+        scene["cameras"][camera]["mcap"] = bag
+
+    def error(*arguments):
+        with pytest.raises(ValueError) as caught:
+            pardalis.run(*arguments)
+        return str(caught.value)
+
+    with pytest.raises(ValueError, match="bag: is a folder without recordings; give an .mcap file, or convert a bag"):
+        pardalis.track(scene, tmp_path / "tracks")
+    (bag / "bag_0.mcap").write_bytes(recording.read_bytes())
+    with pytest.raises(ValueError, match="bag: is a folder; give a recording in it: .*bag_0.mcap"):
+        pardalis.track(scene, tmp_path / "tracks")
+    (bag / "bag_1.mcap").write_bytes(recording.read_bytes())
+    assert error("init", bag, "-o", tmp_path / "scene.toml").endswith(f"give one of them: {bag / 'bag_0.mcap'}, {bag / 'bag_1.mcap'}")
+
+
+def test_check_says_that_a_recording_is_cut_off_and_goes_on(recording, tmp_path):
+    whole = recording.read_bytes()
+    scene = tmp_path / "scene.toml"
+    # Without its summary and its end, and with half of its chunks.
+    for share in (0.97, 0.5):
+        (tmp_path / "cut.mcap").write_bytes(whole[: int(share * len(whole))])
+        pardalis.run("init", tmp_path / "cut.mcap", "--colors", DATA / "colors" / COLORS, "--radius-m", 0.035, "-o", scene, "--force")
+        with pytest.warns(UserWarning) as warned:
+            printed = pardalis.run("check", scene)
+        words = [str(warning.message) for warning in warned]
+        assert sum("cameras.cam1.mcap: the recording is cut off" in word and "images up to there are used" in word for word in words) == 1
+        assert "cameras.cam1: " in printed and "320 x 240 pixels" in printed and "no errors" in printed
+    (tmp_path / "cut.mcap").write_bytes(whole)
+    with pytest.warns(UserWarning) as warned:
+        pardalis.run("check", scene)
+    assert not any("cut off" in str(warning.message) for warning in warned)
 
 
 def test_batches_take_recordings(recording, tracked, tmp_path):

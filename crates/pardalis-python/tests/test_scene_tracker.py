@@ -56,7 +56,7 @@ def test_images_are_read_as_by_the_program(tmp_path):
     assert 0 < np.abs(image - other).mean() < 1
     Image.fromarray(image).save(tmp_path / "image.png")
     np.testing.assert_array_equal(pardalis.read_image(tmp_path / "image.png"), image)
-    with pytest.raises(OSError, match="nowhere.png"):
+    with pytest.raises(FileNotFoundError, match="nowhere.png"):
         pardalis.read_image(tmp_path / "nowhere.png")
     (tmp_path / "cut.jpg").write_bytes(file.read_bytes()[:3000])
     with pytest.raises(ValueError, match="cut.jpg: the file ends before"):
@@ -146,7 +146,8 @@ def test_problems_of_scenes_are_named_all_at_once(tmp_path):
     scene["targets"]["ball"]["shape"]["sphere"]["radius_m"] = 0.1
     with pytest.raises(ValueError, match="missing.toml: cannot be read: there is no such file; `pardalis learn` writes such files"):
         Tracker.of_scene(scene, size_px={"cam1": (160, 120)})
-    with pytest.raises(ValueError, match="nowhere.toml: cannot be read: there is no such file"):
+    # As of any missing file, and with the words of the program.
+    with pytest.raises(FileNotFoundError, match="nowhere.toml: cannot be read: there is no such file"):
         Tracker.of_scene(tmp_path / "nowhere.toml")
     text = (ROBOT / "scene.toml").read_text().replace("radius_m = 0.11", "radius_m = 0")
     (tmp_path / "scene.toml").write_text(text)

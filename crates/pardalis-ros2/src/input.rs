@@ -9,7 +9,7 @@ use ros2_client::{MessageTypeName, Name, Node, QosProfile, Subscription};
 use rustdds::mio1::event::Source;
 use rustdds::mio1::{Interest, Registry, Token};
 
-use crate::clock;
+use crate::discovery::{COMPRESSED_IMAGE, DETECTIONS, IMAGE, Kind};
 use crate::messages::{BoundingBox2D, Detection2D, Detection2DArray, Odometry, Time};
 
 /// A subscription to the images of a camera, or to what a detector found in them.
@@ -50,7 +50,7 @@ pub(crate) fn name_of(topic: &str) -> Result<Name> {
 pub(crate) fn subscribe<M: 'static>(
     node: &mut Node,
     topic: &str,
-    (package, message): (&str, &str),
+    (package, message): Kind,
     qos: &QosProfile,
 ) -> Result<Subscription<M>> {
     let topic = node.create_topic(
@@ -65,21 +65,24 @@ impl Messages {
     /// Subscribes to a topic of images, which are compressed if its name says so.
     pub(crate) fn images(node: &mut Node, topic: &str, qos: &QosProfile) -> Result<Self> {
         if topic.ends_with("/compressed") {
-            let kind = ("sensor_msgs", "CompressedImage");
-            return Ok(Self::Compressed(subscribe(node, topic, kind, qos)?));
+            let images = subscribe(node, topic, COMPRESSED_IMAGE, qos)?;
+            return Ok(Self::Compressed(images));
         }
-        Ok(Self::Raw(subscribe(
-            node,
-            topic,
-            ("sensor_msgs", "Image"),
-            qos,
-        )?))
+        Ok(Self::Raw(subscribe(node, topic, IMAGE, qos)?))
     }
 
     /// Subscribes to what a detector finds in the images of a camera.
     pub(crate) fn boxes(node: &mut Node, topic: &str, qos: &QosProfile) -> Result<Self> {
-        let kind = ("vision_msgs", "Detection2DArray");
-        Ok(Self::Boxes(subscribe(node, topic, kind, qos)?))
+        Ok(Self::Boxes(subscribe(node, topic, DETECTIONS, qos)?))
+    }
+
+    /// Returns what the messages are.
+    pub(crate) fn kind(&self) -> Kind {
+        match self {
+            Self::Raw(_) => IMAGE,
+            Self::Compressed(_) => COMPRESSED_IMAGE,
+            Self::Boxes(_) => DETECTIONS,
+        }
     }
 
     /// Wakes the event loop when there is a message.
@@ -115,16 +118,13 @@ pub(crate) fn next<M: serde::de::DeserializeOwned + 'static>(
 }
 
 impl Received {
-    /// Returns when the image was taken, or received if it does not say so.
+    /// Returns its stamp, which may be zero.
     pub(crate) fn stamp(&self) -> Time {
         let (sec, nanosec) = match self {
             Self::Raw(image) => (image.stamp().sec, image.stamp().nanosec),
             Self::Compressed(image) => (image.stamp().sec, image.stamp().nanosec),
             Self::Boxes(boxes) => (boxes.header.stamp.sec, boxes.header.stamp.nanosec),
         };
-        if (sec, nanosec) == (0, 0) {
-            return clock::now();
-        }
         Time { sec, nanosec }
     }
 
@@ -171,6 +171,8 @@ impl ClassBox {
 }
 
 impl Time {
+    pub(crate) const ZERO: Self = Self { sec: 0, nanosec: 0 };
+
     pub(crate) fn nanoseconds(self) -> i64 {
         i64::from(self.sec) * 1_000_000_000 + i64::from(self.nanosec)
     }

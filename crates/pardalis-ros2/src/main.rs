@@ -3,10 +3,12 @@
 //! It speaks ROS 2's protocol itself, so that no installation of ROS is needed.
 
 mod clock;
+mod discovery;
 mod input;
 mod messages;
 mod output;
 mod sets;
+mod topics;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -18,19 +20,23 @@ use anyhow::{Result, anyhow, bail};
 use clap::Parser;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use pardalis::platform::{PoseCovariance, StampedPose};
-use pardalis::tracker::PlatformId;
-use pardalis::{CameraId, FrameSet, TargetId, Tracker};
+use pardalis::{FrameSet, TargetId, Tracker};
 use pardalis_camera::Pose;
-use pardalis_scene::Scene;
+use pardalis_camera::formats::Lens;
+use pardalis_cli::ros2::CameraInfo;
 use pardalis_scene::calibration::{self, CalibrationFormat};
+use pardalis_scene::is_rectified;
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{Context, ContextOptions, Node, NodeName, NodeOptions, QosProfile};
+use rustdds::DomainParticipant;
 use rustdds::mio1::{Events, Poll, Token};
 
-use input::{Calibrations, Content, Messages, Motion, Received, next, subscribe};
+use discovery::{CAMERA_INFO, Discovery, Kind, ODOMETRY};
+use input::{Calibrations, Content, Received, next, subscribe};
 use messages::{DiagnosticStatus, KeyValue, Odometry, Time};
 use output::{OK, Output, WARN};
 use sets::{Counts, Set, Sets};
+use topics::{Carrier, Source};
 
 /// How often the node reports how it does.
 const DIAGNOSTICS: Duration = Duration::from_secs(1);
@@ -49,7 +55,7 @@ const MAX_WAITING_FOR_DETECTORS: usize = 30;
 /// Tracks the targets of a scene in images of ROS 2, and publishes where they are
 ///
 /// The scene has the cameras with their poses, and the targets, as for `pardalis track`; its images and videos are not used.
-/// Each camera CAMERA takes the topic /CAMERA/image_raw, or the one that is given.
+/// Each camera CAMERA takes the topic /CAMERA/image_raw, or the one that is given. Topics called image_rect have rectified images.
 ///
 /// Published are, below --namespace: TARGET/pose, TARGET/odometry and TARGET/state, detections, and markers for RViz; and /diagnostics.
 #[derive(Debug, Parser)]
@@ -69,7 +75,7 @@ struct Arguments {
     /// The topics of cameras; those that end with /compressed have CompressedImage, all others Image
     #[arg(value_name = "CAMERA=TOPIC", value_parser = pair)]
     topics: Vec<(String, String)>,
-    /// Takes the lens of a camera from a topic of CameraInfo, in place of a model or calibration in the scene
+    /// Takes the lens of a camera from a topic of CameraInfo, in place of a model or calibration in the scene; of rectified images, it is that of P
     #[arg(long, value_name = "CAMERA=TOPIC", value_parser = pair)]
     camera_info: Vec<(String, String)>,
     /// Takes what a detector found in the images of a camera from a topic of Detection2DArray, for targets with a `detector`
@@ -115,11 +121,6 @@ fn namespace(text: &str) -> Result<String, String> {
         .ok_or_else(|| "allowed: a name that begins with /, such as /pardalis".to_owned())
 }
 
-/// Returns a name of a scene as part of a topic, which has no hyphens.
-fn in_topic(name: &str) -> String {
-    name.replace('-', "_")
-}
-
 fn is_topic(text: &str) -> bool {
     let allowed = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '/';
     text.len() > 1 && text.starts_with('/') && text.chars().all(allowed)
@@ -148,15 +149,6 @@ impl std::fmt::Display for Failure {
 
 impl std::error::Error for Failure {}
 
-/// A topic of images of a camera, or of what a detector found in them.
-struct Source {
-    /// The name of the camera, and what else it is, for messages.
-    name: String,
-    camera: CameraId,
-    topic: String,
-    messages: Messages,
-}
-
 /// Whether the user has interrupted the program.
 type Stop = Arc<AtomicBool>;
 
@@ -165,7 +157,8 @@ fn run(arguments: &Arguments) -> Result<()> {
     let set = Arc::clone(&stop);
     ctrlc::set_handler(move || set.store(true, Ordering::Relaxed))
         .map_err(|error| Failure(format!("interrupts cannot be noticed: {error}")))?;
-    let mut node = node(arguments.domain)?;
+    let (mut node, participant) = node(arguments.domain)?;
+    let discovery = Discovery::new(participant, arguments.reliable);
     let qos = QosProfile::subscription_default()
         .durability(Durability::Volatile)
         .history(History::KeepLast { depth: DEPTH });
@@ -186,23 +179,31 @@ fn run(arguments: &Arguments) -> Result<()> {
         .durability(Durability::TransientLocal)
         .reliability_reliable(WhenFull::Fail);
     for (camera, topic) in &arguments.camera_info {
-        let mut infos =
-            |qos: &QosProfile| subscribe(&mut node, topic, ("sensor_msgs", "CameraInfo"), qos);
+        let mut infos = |qos: &QosProfile| subscribe(&mut node, topic, CAMERA_INFO, qos);
         let infos = [infos(&qos)?, infos(&kept)?];
-        if !set_model(&mut settings, camera, topic, &infos, &stop)? {
+        let reminder = Reminder::new(&discovery);
+        let Some(info) = calibration_of(camera, topic, &infos, reminder, &stop) else {
             return Ok(());
-        }
+        };
+        let is_of_rectified = is_rectified(&topics::of_camera(camera, &arguments.topics));
+        let lens = is_of_rectified.then_some(Lens::Rectified);
+        set_model(&mut settings, camera, &info, lens)
+            .map_err(|error| error.context(format!("topic {topic}")))?;
     }
     // All that can be wrong without an image, before the wait for images.
     let scene = pardalis_cli::scene_without_inputs(&arguments.scene, &settings)?;
-    let classes = classes(&scene, arguments)?;
-    let platforms = platforms(&mut node, arguments, &scene, &qos)?;
-    let mut sources = images(&mut node, arguments, &scene, &qos)?;
-    let detectors = detectors(&mut node, arguments, &scene, &qos)?;
-    let Some(firsts) = first_images(&sources, &stop) else {
+    let classes = topics::classes(&scene, arguments)?;
+    topics::check_results(&scene)?;
+    let platforms = topics::platforms(&mut node, arguments, &scene, &qos)?;
+    let mut sources = topics::images(&mut node, arguments, &scene, &qos)?;
+    let detectors = topics::detectors(&mut node, arguments, &scene, &qos)?;
+    let Some(firsts) = first_images(&sources, Reminder::new(&discovery), &stop) else {
         return Ok(());
     };
     let sizes = sizes(&sources, &firsts)?;
+    for (source, first) in sources.iter_mut().zip(&firsts) {
+        source.stamps.time_of(first.stamp());
+    }
     sources.extend(detectors);
     let opened = pardalis_cli::tracker_of_scene(Some(&arguments.scene), &settings, &sizes);
     let (scene, tracker) = opened?;
@@ -239,6 +240,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         tracker,
         output,
         unusable: 0,
+        discovery,
         has_warned_of_clock: false,
         has_warned_of_images: false,
         latency_s: 0.0,
@@ -253,120 +255,8 @@ fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Subscribes to the images of all cameras, in the order of the scene, which the tracker has, too.
-fn images(
-    node: &mut Node,
-    arguments: &Arguments,
-    scene: &Scene,
-    qos: &QosProfile,
-) -> Result<Vec<Source>> {
-    let cameras = scene.cameras.iter().enumerate();
-    let sources = cameras.map(|(number, camera)| {
-        let name = camera.name.clone();
-        let given = arguments.topics.iter().find(|(camera, _)| *camera == name);
-        let default = || format!("/{}/image_raw", in_topic(&name));
-        let topic = given.map_or_else(default, |(_, topic)| topic.clone());
-        Ok(Source {
-            messages: Messages::images(node, &topic, qos)?,
-            camera: CameraId::new(number),
-            name,
-            topic,
-        })
-    });
-    sources.collect()
-}
-
-/// Subscribes to what detectors find.
-fn detectors(
-    node: &mut Node,
-    arguments: &Arguments,
-    scene: &Scene,
-    qos: &QosProfile,
-) -> Result<Vec<Source>> {
-    let cameras = scene.cameras.iter().enumerate();
-    let with_topics = cameras.flat_map(|(number, camera)| {
-        let topics = arguments.detections.iter();
-        let topics = topics.filter(|(name, _)| *name == camera.name);
-        topics.map(move |(name, topic)| (CameraId::new(number), name, topic))
-    });
-    let sources = with_topics.map(|(camera, name, topic)| {
-        Ok(Source {
-            messages: Messages::boxes(node, topic, qos)?,
-            camera,
-            name: format!("{name}, detections"),
-            topic: topic.clone(),
-        })
-    });
-    sources.collect()
-}
-
-/// Returns the targets that detectors find, each with the class of its boxes. Fails if no topic has such boxes, or nothing needs those of a topic.
-fn classes(scene: &Scene, arguments: &Arguments) -> Result<Vec<(TargetId, String)>> {
-    let mut classes = Vec::new();
-    for (number, target) in scene.targets.iter().enumerate() {
-        for class in target.bodies.iter().filter_map(|body| body.class()) {
-            classes.push((TargetId::new(number), class.to_owned()));
-        }
-    }
-    match (classes.first(), arguments.detections.first()) {
-        (Some((target, _)), None) => bail!(
-            "targets.{}.detector: no topic has its boxes; give --detections {}=/TOPIC",
-            scene.targets[target.index()].name,
-            scene.cameras[0].name
-        ),
-        (None, Some((camera, topic))) => bail!(
-            "--detections {camera}={topic}: no target of the scene has a detector; give one `detector = {{}}`, in place of its colors or beside them"
-        ),
-        _ => {}
-    }
-    for (number, (camera, _)) in arguments.detections.iter().enumerate() {
-        if arguments.detections[..number]
-            .iter()
-            .any(|(other, _)| other == camera)
-        {
-            bail!("--detections: {camera} is given twice; give it one topic");
-        }
-    }
-    Ok(classes)
-}
-
-/// Subscribes to the motion of platforms.
-fn platforms(
-    node: &mut Node,
-    arguments: &Arguments,
-    scene: &Scene,
-    qos: &QosProfile,
-) -> Result<Vec<(PlatformId, Motion)>> {
-    let mut platforms = Vec::new();
-    for (platform, topic) in &arguments.odometry {
-        let known = scene.platforms.iter();
-        let Some(number) = known.clone().position(|known| known.name == *platform) else {
-            let names: Vec<&str> = known.map(|known| &*known.name).collect();
-            bail!(
-                "--odometry: {platform} is no platform of the scene; allowed: {}",
-                names.join(", ")
-            );
-        };
-        let motion = subscribe(node, topic, ("nav_msgs", "Odometry"), qos)?;
-        platforms.push((PlatformId::new(number), motion));
-    }
-    for platform in &scene.platforms {
-        if !arguments
-            .odometry
-            .iter()
-            .any(|(name, _)| *name == platform.name)
-        {
-            bail!(
-                "platforms.{0}: nothing says how it moves; give --odometry {0}=/odom, or remove it from the scene",
-                platform.name
-            );
-        }
-    }
-    Ok(platforms)
-}
-
 /// Joins a domain of ROS 2.
-fn node(domain: Option<u16>) -> Result<Node> {
+fn node(domain: Option<u16>) -> Result<(Node, DomainParticipant)> {
     let domain = match (domain, std::env::var("ROS_DOMAIN_ID")) {
         (Some(domain), _) => domain,
         (None, Ok(text)) if !text.is_empty() => text
@@ -382,7 +272,8 @@ fn node(domain: Option<u16>) -> Result<Node> {
         .map_err(|error| Failure(format!("the network cannot be used: {error}")))?;
     let name = NodeName::new("/", "pardalis")?;
     let node = context.new_node(name, NodeOptions::new());
-    node.map_err(|error| Failure(format!("the node cannot be created: {error}")).into())
+    let node = node.map_err(|error| Failure(format!("the node cannot be created: {error}")))?;
+    Ok((node, context.domain_participant()))
 }
 
 /// Fails if the command line names a camera that is not in the scene. Problems of the scene itself are reported when it is read, after the
@@ -412,31 +303,65 @@ fn check_cameras(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Waits for the calibration of a camera, and adds it to the settings of the scene. Returns whether it came before an interrupt.
-fn set_model(
-    settings: &mut toml::Table,
+/// Says now and then what the node waits for, and why it may not come.
+struct Reminder<'a> {
+    discovery: &'a Discovery,
+    reminded: Instant,
+}
+
+impl<'a> Reminder<'a> {
+    fn new(discovery: &'a Discovery) -> Self {
+        let reminded = clock::instant();
+        Self {
+            discovery,
+            reminded,
+        }
+    }
+
+    /// Says what is awaited on the topics with messages of these kinds, if it is time.
+    fn say<'t>(&mut self, what: &str, topics: impl Iterator<Item = (&'t str, Kind)>) {
+        if self.reminded.elapsed() <= REMINDER {
+            return;
+        }
+        self.reminded = clock::instant();
+        for (topic, kind) in topics {
+            let hint = self.discovery.hint(topic, kind);
+            let hint = hint.map_or_else(String::new, |hint| format!(": {hint}"));
+            eprintln!("waiting for {what} on {topic}{hint}");
+        }
+    }
+}
+
+/// Waits for the calibration of a camera; `None` if the user interrupts.
+fn calibration_of(
     camera: &str,
     topic: &str,
     infos: &[Calibrations; 2],
+    mut reminder: Reminder,
     stop: &Stop,
-) -> Result<bool> {
-    let mut reminded = clock::instant();
-    let info = loop {
+) -> Option<CameraInfo> {
+    loop {
         if let Some(info) = infos.iter().find_map(next) {
-            break info;
+            return Some(info);
         }
         if stop.load(Ordering::Relaxed) {
-            return Ok(false);
+            return None;
         }
-        if reminded.elapsed() > REMINDER {
-            eprintln!("waiting for a calibration of {camera} on {topic}");
-            reminded = clock::instant();
-        }
+        let topics = std::iter::once((topic, CAMERA_INFO));
+        reminder.say(&format!("a calibration of {camera}"), topics);
         std::thread::sleep(Duration::from_millis(10));
-    };
-    let in_topic = |error: pardalis::Error| anyhow!("topic {topic}: {error}");
-    let known = calibration::read(&info.text(camera), None).map_err(in_topic)?;
-    let text = calibration::write(CalibrationFormat::Pardalis, &known).map_err(in_topic)?;
+    }
+}
+
+/// Adds the calibration of a camera to the settings of the scene, of rectified images if the lens says so.
+fn set_model(
+    settings: &mut toml::Table,
+    camera: &str,
+    info: &CameraInfo,
+    lens: Option<Lens>,
+) -> Result<()> {
+    let known = calibration::read(&info.text(camera), lens)?;
+    let text = calibration::write(CalibrationFormat::Pardalis, &known)?;
     let table: toml::Table = text.parse()?;
     let found = table.get("cameras").and_then(|cameras| cameras.get(camera));
     for key in ["model", "size_px"] {
@@ -444,13 +369,12 @@ fn set_model(
             settings.insert(format!("cameras.{camera}.{key}"), value.clone());
         }
     }
-    Ok(true)
+    Ok(())
 }
 
 /// Waits for an image of each camera; `None` if the user interrupts.
-fn first_images(sources: &[Source], stop: &Stop) -> Option<Vec<Received>> {
+fn first_images(sources: &[Source], mut reminder: Reminder, stop: &Stop) -> Option<Vec<Received>> {
     let mut firsts: Vec<Option<Received>> = sources.iter().map(|_| None).collect();
-    let mut reminded = clock::instant();
     loop {
         for (source, first) in sources.iter().zip(&mut firsts) {
             *first = source.messages.take().or(first.take());
@@ -461,15 +385,10 @@ fn first_images(sources: &[Source], stop: &Stop) -> Option<Vec<Received>> {
         if stop.load(Ordering::Relaxed) {
             return None;
         }
-        if reminded.elapsed() > REMINDER {
-            let missing = sources
-                .iter()
-                .zip(&firsts)
-                .filter(|(_, first)| first.is_none());
-            let topics: Vec<&str> = missing.map(|(source, _)| &*source.topic).collect();
-            eprintln!("waiting for images on {}", topics.join(", "));
-            reminded = clock::instant();
-        }
+        let sources = sources.iter().zip(&firsts);
+        let missing = sources.filter(|(_, first)| first.is_none());
+        let topics = missing.map(|(source, _)| (&*source.topic, source.messages.kind()));
+        reminder.say("images", topics);
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -492,12 +411,13 @@ struct Tracking {
     sources: Vec<Source>,
     /// The targets that detectors find, and the classes of their boxes.
     classes: Vec<(TargetId, String)>,
-    platforms: Vec<(PlatformId, Motion)>,
+    platforms: Vec<Carrier>,
     tracker: Tracker,
     sets: Sets<Received>,
     output: Output,
     /// The number of images that could not be decoded or tracked.
     unusable: usize,
+    discovery: Discovery,
     has_warned_of_clock: bool,
     has_warned_of_images: bool,
     /// From the last image to its estimates, in seconds.
@@ -513,6 +433,7 @@ impl Tracking {
         }
         let mut events = Events::with_capacity(16);
         let mut reported = clock::instant();
+        let mut silent_until = Some(reported + REMINDER);
         let mut seen = vec![Counts::default(); self.sources.len()];
         while !stop.load(Ordering::Relaxed) {
             let due = self
@@ -536,6 +457,12 @@ impl Tracking {
                 reported = clock::instant();
                 self.report(&mut seen, elapsed_s);
             }
+            if silent_until
+                .take_if(|until| clock::instant() > *until)
+                .is_some()
+            {
+                self.warn_of_silence();
+            }
         }
         Ok(())
     }
@@ -545,9 +472,9 @@ impl Tracking {
         let now = clock::instant();
         let latest_ns = clock::now().nanoseconds() + MAX_AHEAD_NS;
         let mut ahead = None;
-        for (number, source) in self.sources.iter().enumerate() {
+        for (number, source) in self.sources.iter_mut().enumerate() {
             while let Some(image) = source.messages.take() {
-                let stamp_ns = image.stamp().nanoseconds();
+                let stamp_ns = source.stamps.time_of(image.stamp()).nanoseconds();
                 if stamp_ns > latest_ns {
                     ahead = Some(&*source.topic);
                     self.unusable += 1;
@@ -562,10 +489,11 @@ impl Tracking {
             );
             self.has_warned_of_clock = true;
         }
-        for (platform, motion) in &self.platforms {
-            while let Some(odometry) = next(motion) {
-                let observed =
-                    pose_of(&odometry).and_then(|pose| self.tracker.observe_pose(*platform, &pose));
+        for platform in &mut self.platforms {
+            while let Some(odometry) = next(&platform.motion) {
+                platform.has_moved = true;
+                let observed = pose_of(&odometry)
+                    .and_then(|pose| self.tracker.observe_pose(platform.id, &pose));
                 if let Err(error) = observed {
                     eprintln!("warning: odometry left out: {error}");
                 }
@@ -620,6 +548,20 @@ impl Tracking {
         self.unusable += count;
     }
 
+    /// Warns, once, of detections and odometry that have not come and, as it seems, will not.
+    fn warn_of_silence(&self) {
+        let sources = self.sources.iter().zip(self.sets.counts());
+        let sources = sources.filter(|(_, counts)| counts.received == 0);
+        let sources = sources.map(|(source, _)| (&*source.topic, source.messages.kind()));
+        let platforms = self.platforms.iter().filter(|platform| !platform.has_moved);
+        let platforms = platforms.map(|platform| (&*platform.topic, ODOMETRY));
+        for (topic, kind) in sources.chain(platforms) {
+            if let Some(hint) = self.discovery.hint(topic, kind) {
+                eprintln!("warning: nothing comes on {topic}: {hint}");
+            }
+        }
+    }
+
     /// Publishes how the cameras do; `seen` are the counts of each at the last report.
     fn report(&mut self, seen: &mut [Counts], elapsed_s: f64) {
         let sources = self.sources.iter().zip(self.sets.counts()).zip(seen);
@@ -628,7 +570,9 @@ impl Tracking {
             let is_late = counts.late > seen.late && counts.used == seen.used;
             *seen = *counts;
             let (level, message) = if rate_hz == 0.0 {
-                (WARN, format!("nothing on {}", source.topic))
+                let hint = self.discovery.hint(&source.topic, source.messages.kind());
+                let hint = hint.map_or_else(String::new, |hint| format!(": {hint}"));
+                (WARN, format!("nothing on {}{hint}", source.topic))
             } else if is_late {
                 let message = "all images are older than those that were tracked; if a clock was set back, start the node again";
                 (WARN, message.to_owned())

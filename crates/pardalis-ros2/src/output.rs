@@ -15,6 +15,7 @@ use crate::messages::{
     ObjectHypothesisWithPose, Odometry, Pose, PoseWithCovariance, PoseWithCovarianceStamped,
     Quaternion, Text, Texture, Time, Twist, TwistWithCovariance, Vector,
 };
+use crate::topics;
 
 /// Variance of what is not estimated, as ROS's own nodes have it: large enough for a filter to ignore it.
 const UNKNOWN: f64 = 1e6;
@@ -76,8 +77,7 @@ impl Output {
     ) -> Result<Self> {
         let mut outputs = Vec::new();
         for target in targets {
-            // Names of topics have no hyphens.
-            let below = format!("{namespace}/{}", target.name.replace('-', "_"));
+            let below = format!("{namespace}/{}", topics::of_target(&target.name));
             let own = if target.crowd.is_some() {
                 None
             } else {

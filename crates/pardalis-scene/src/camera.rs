@@ -27,12 +27,13 @@ impl Word for Lens {
         ("pinhole", Self::Pinhole),
         ("fisheye", Self::Fisheye),
         ("omnidir", Self::Omnidir),
+        ("rectified", Self::Rectified),
     ];
 }
 
 /// Reads the calibration file of this name. Errors are messages that name file and line.
 ///
-/// The second argument resolves ambiguous coefficients in the file ([`pardalis_camera::formats::read`]).
+/// The second argument resolves ambiguous coefficients in the file, or selects the camera of rectified images ([`pardalis_camera::formats::read`]).
 pub type ReadCalibration<'a> =
     &'a dyn Fn(&str, Option<Lens>) -> Result<Vec<CalibratedCamera>, String>;
 
@@ -311,7 +312,10 @@ fn read_optics(
     read_calibration: ReadCalibration,
     poses: Poses,
 ) -> Option<Optics> {
-    let file = read_calibrated(name, table, read_calibration);
+    let topic = table
+        .get("topic")
+        .and_then(|topic| topic.get_ref().as_str());
+    let file = read_calibrated(name, table, read_calibration, topic);
     let model = if table.has("calibration") {
         if table.knows("model") {
             table.conflict("model", "calibration");
@@ -465,11 +469,19 @@ pub(super) fn read_any_pose(table: &Table) -> Option<Pose> {
     on_platform
 }
 
-/// Returns the camera of the calibration file, if the scene names one.
+/// Reports whether a topic has rectified images by the names of ROS: `image_rect`, `image_rect_color` or `image_rect_raw`, perhaps compressed.
+pub fn is_rectified(topic: &str) -> bool {
+    let topic = topic.trim_end_matches("/compressed");
+    let name = topic.rsplit('/').next().unwrap_or(topic);
+    name == "image_rect" || name.starts_with("image_rect_")
+}
+
+/// Returns the camera of the calibration file, if the scene names one. `topic` is that of its images in a recording.
 pub(super) fn read_calibrated(
     name: &str,
     table: &Table,
     read_calibration: ReadCalibration,
+    topic: Option<&str>,
 ) -> Option<CalibratedCamera> {
     let file: Option<String> = table
         .key(
@@ -487,9 +499,9 @@ pub(super) fn read_calibrated(
     let lens: Option<Lens> = table
         .key(
             "calibration_lens",
-            "The lens model of the calibration file, where its coefficients could belong to several.",
+            "The lens model of the calibration file, where its coefficients could belong to several; or `rectified`, for images that were rectified with a calibration of ROS: its projection matrix P.",
         )
-        .depends("as the file states")
+        .depends("as the file states; `rectified` of a recording's calibration, if the last part of `topic` begins with `image_rect`")
         .optional();
     if !table.has("calibration") {
         for key in ["calibration_camera", "calibration_lens"] {
@@ -501,7 +513,12 @@ pub(super) fn read_calibrated(
     if table.has("calibration_lens") && lens.is_none() {
         return None;
     }
-    let cameras = read_calibration(&file?, lens)
+    let file = file?;
+    // What is recorded beside rectified images is the calibration of the raw ones.
+    let is_recorded = file.to_ascii_lowercase().ends_with(".mcap");
+    let is_of_rectified = is_recorded && topic.is_some_and(is_rectified);
+    let lens = lens.or(is_of_rectified.then_some(Lens::Rectified));
+    let cameras = read_calibration(&file, lens)
         .map_err(|message| table.problem("calibration", message))
         .ok()?;
     let names = cameras

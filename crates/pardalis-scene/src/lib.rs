@@ -35,7 +35,9 @@ mod video;
 mod world;
 
 pub use assembly::{Assembly, Files};
-pub use camera::{CameraConfig, FrameRange, Input, Inputs, MaskCircle, ReadCalibration};
+pub use camera::{
+    CameraConfig, FrameRange, Input, Inputs, MaskCircle, ReadCalibration, is_rectified,
+};
 pub use camera_settings::{CameraSetting, with_camera_settings};
 pub use crossing::CrossingConfig;
 pub use detector::DetectorConfig;

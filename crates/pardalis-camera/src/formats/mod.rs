@@ -54,7 +54,7 @@ pub enum Format {
     Basalt,
 }
 
-/// The kind of lens that a file describes, for files whose coefficients are ambiguous.
+/// The kind of lens that a file describes, for files whose coefficients are ambiguous, or which camera of the file is meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lens {
     /// Pinhole with Brown-Conrady distortion.
@@ -63,11 +63,13 @@ pub enum Lens {
     Fisheye,
     /// OpenCV's omnidir module (Mei).
     Omnidir,
+    /// The camera of rectified images: a pinhole without distortion, which ROS calibrations have as projection matrix.
+    Rectified,
 }
 
 impl Lens {
     /// All lenses.
-    pub const ALL: [Self; 3] = [Self::Pinhole, Self::Fisheye, Self::Omnidir];
+    pub const ALL: [Self; 4] = [Self::Pinhole, Self::Fisheye, Self::Omnidir, Self::Rectified];
 
     /// Returns the name of the lens.
     pub fn name(self) -> &'static str {
@@ -75,6 +77,7 @@ impl Lens {
             Self::Pinhole => "pinhole",
             Self::Fisheye => "fisheye",
             Self::Omnidir => "omnidir",
+            Self::Rectified => "rectified",
         }
     }
 
@@ -84,6 +87,11 @@ impl Lens {
             Self::Pinhole => matches!(camera, Camera::Pinhole(_)),
             Self::Fisheye => matches!(camera, Camera::KannalaBrandt(_) | Camera::Equidistant(_)),
             Self::Omnidir => matches!(camera, Camera::Mei(_)),
+            // After the focal lengths and the principal point.
+            Self::Rectified => {
+                let is_zero = |(_, value): &(&str, f64)| *value == 0.0;
+                matches!(camera, Camera::Pinhole(_)) && camera.parameters()[4..].iter().all(is_zero)
+            }
         }
     }
 }
@@ -156,7 +164,7 @@ impl Format {
 /// Reads the cameras of a calibration file. The format is detected from the content.
 ///
 /// `lens` resolves ambiguous files: four coefficients alone may belong to a pinhole or a fisheye.
-/// It must not contradict a file that names its lens.
+/// It must not contradict a file that names its lens, except that a ROS calibration has a camera of its rectified images, too.
 ///
 /// # Errors
 ///

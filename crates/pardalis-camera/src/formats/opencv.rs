@@ -140,6 +140,9 @@ fn read_camera(
             matrix.omnidir(value, &distortion, coefficients)
         }
         (Lens::Omnidir, None) => Err(root.error(format!("xi{number} is missing"))),
+        (Lens::Rectified, _) => Err(distortion.error(
+            "is of raw images; only calibrations of ROS have a camera of rectified ones, as projection_matrix",
+        )),
     }
 }
 

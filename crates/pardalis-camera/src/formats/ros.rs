@@ -8,6 +8,7 @@ use super::intrinsics::{
 use super::output;
 use super::{Format, Lens};
 use crate::pose::CalibratedCamera;
+use crate::{Camera, Pinhole};
 use pardalis_core::Error;
 
 /// Synonymous keys in files, ROS 1 messages and ROS 2 messages.
@@ -59,8 +60,13 @@ pub(super) fn read(root: &Entry, lens: Option<Lens>) -> Result<Vec<CalibratedCam
         None => root.get("camera_model"),
     };
     let word = stated.as_ref().map(lens_of).transpose()?;
-    let lens = resolve_lens(word, lens, &distortion, coefficients.len())?;
+    let lens = match lens {
+        // Whatever the lens of the raw images.
+        Some(Lens::Rectified) => Lens::Rectified,
+        lens => resolve_lens(word, lens, &distortion, coefficients.len())?,
+    };
     let camera_matrix = CameraMatrix::read(elements)?;
+    check_rectification(root)?;
     let camera = match lens {
         Lens::Pinhole => camera_matrix.pinhole(&distortion, coefficients)?,
         Lens::Fisheye => camera_matrix.fisheye(&distortion, coefficients)?,
@@ -69,8 +75,8 @@ pub(super) fn read(root: &Entry, lens: Option<Lens>) -> Result<Vec<CalibratedCam
                 "belongs to an omnidir model according to the file; allowed in ROS: plumb_bob, rational_polynomial, equidistant",
             ));
         }
+        Lens::Rectified => rectified(root)?,
     };
-    check_rectification(root)?;
     check_region(root, size_px)?;
     let name = match root.get("camera_name") {
         Some(name) => name.text()?,
@@ -84,7 +90,25 @@ pub(super) fn read(root: &Entry, lens: Option<Lens>) -> Result<Vec<CalibratedCam
     }])
 }
 
-/// Checks R and P. They concern the rectified image and are not used, but must be valid.
+/// Returns the camera of the rectified images. The last column of P, which tells where the camera is beside another one, belongs to the pose.
+fn rectified(root: &Entry) -> Result<Camera, Error> {
+    let missing =
+        || root.error("projection_matrix is missing: the camera of rectified images".to_owned());
+    let projection = one_of(root, &PROJECTION)?.ok_or_else(missing)?;
+    let [[fx, skew, cx, _], [zero, fy, cy, _], _] = projection.matrix()?.rows::<3, 4>()?;
+    if fx == 0.0 {
+        return Err(projection.error(
+            "starts with 0: the calibration has no camera of rectified images; use the raw images, or state the model of the camera",
+        ));
+    }
+    if skew != 0.0 || zero != 0.0 {
+        return Err(projection.error("has a skew, which rectified images do not have"));
+    }
+    let model = Pinhole::new([fx, fy], [cx, cy], &[]);
+    projection.checked(model).map(Camera::Pinhole)
+}
+
+/// Checks R and P, which concern the rectified image.
 fn check_rectification(root: &Entry) -> Result<(), Error> {
     if let Some(entry) = one_of(root, &RECTIFICATION)? {
         let rows = entry.matrix()?.rows::<3, 3>()?;

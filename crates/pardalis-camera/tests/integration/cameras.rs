@@ -1,10 +1,10 @@
 //! Properties that every camera model must satisfy over its whole field of view.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Point3};
 use pardalis_camera::Homography;
 use pardalis_camera::{
     Camera, DoubleSphere, Equidistant, ExactMirror, ExtendedUnified, KannalaBrandt, Mei,
-    MirrorProfile, Ocam, PerspectiveMirror, Pinhole, Plane, Projection, Ray, Unified,
+    MirrorProfile, Ocam, PerspectiveMirror, Pinhole, Plane, Projection, Ray, Unified, looking_at,
 };
 use pardalis_core::simd::Level;
 
@@ -427,6 +427,40 @@ fn batches_yield_the_pixels_of_single_points() {
             }
         }
     }
+}
+
+#[test]
+fn rows_yield_the_pixels_of_single_points_in_double_precision() {
+    let world_from_camera = looking_at([0.4, -1.2, 2.5].into(), [0.1, 0.3, 0.2].into(), 0.3);
+    let world_from_camera = world_from_camera.unwrap();
+    let camera_from_world = world_from_camera.inverse();
+    let (mut inside, mut outside) = (0, 0);
+    for example in examples() {
+        let points_m: Vec<[f64; 3]> = directions()
+            .map(|(_, direction)| {
+                (world_from_camera * Point3::from(example.point(direction, 1.0))).into()
+            })
+            .collect();
+        for level in Level::available() {
+            let mut pixels = vec![[0.0; 2]; points_m.len()];
+            let camera = &example.camera;
+            camera.project_rows(level, &camera_from_world, &points_m, &mut pixels);
+            for (point_m, pixel) in points_m.iter().zip(&pixels) {
+                let in_camera = camera_from_world * Point3::from(*point_m);
+                match camera.project(in_camera.into()) {
+                    Some(expected) => {
+                        assert_eq!(*pixel, expected, "{}", example.name);
+                        inside += 1;
+                    }
+                    None => {
+                        assert!(pixel.iter().all(|c| c.is_nan()), "{}", example.name);
+                        outside += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(inside > 1000 && outside > 1000, "{inside}, {outside}");
 }
 
 #[test]

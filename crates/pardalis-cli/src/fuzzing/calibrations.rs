@@ -21,6 +21,7 @@ pub(super) fn ambiguous(bytes: &[u8]) -> bool {
         Some(Lens::Pinhole),
         Some(Lens::Fisheye),
         Some(Lens::Omnidir),
+        Some(Lens::Rectified),
     ];
     read_as(&lenses, bytes)
 }

@@ -69,12 +69,13 @@ pub(super) fn read(
     Ok((cameras, problems))
 }
 
-/// Returns the name of the camera of a topic: `left` of `/left/camera_info`, and `robot_left` of `/robot/left/camera_info`.
+/// Returns the name of the camera of a topic: `left` of `/left/camera_info`, and `robot-left` of `/robot/left/camera_info`. In ROS, no topic has a hyphen,
+/// so that `/robot_left/camera_info` has another name.
 pub(super) fn name_of(topic: &str) -> String {
     let topic = topic.trim_matches('/');
     let camera = topic.rsplit_once('/').map_or(topic, |(camera, _)| camera);
     let allowed = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    camera.replace(|c: char| !allowed(c), "_")
+    camera.replace('/', "-").replace(|c: char| !allowed(c), "_")
 }
 
 /// Reports whether the messages of a channel are calibrations.

@@ -13,6 +13,8 @@ use mcap::read::ChannelAccumulator;
 use mcap::records::{Record, Statistics, op};
 use mcap::{Channel, McapError, Message, parse_record};
 
+use crate::recordings::recordings_in;
+
 /// Maximum size of a record in bytes: more than the largest image takes.
 const MAX_RECORD_BYTES: u64 = 256 << 20;
 
@@ -252,7 +254,10 @@ impl Messages {
     pub(super) fn open(path: &Path) -> Result<Self, String> {
         let mut file = File::open(path).map_err(io_text)?;
         if path.is_dir() {
-            return Err("is a folder; give the .mcap file in it".to_owned());
+            return Err(match recordings_in(path) {
+                Some(files) => format!("is a folder; give a recording in it: {files}"),
+                None => "is a folder without recordings; give an .mcap file, or convert a bag of ROS 2 with `ros2 bag convert`".to_owned(),
+            });
         }
         let mut begin = [0; mcap::MAGIC.len()];
         let is_recording = file.read_exact(&mut begin).is_ok() && begin == mcap::MAGIC;
@@ -346,6 +351,16 @@ pub(super) fn summary(path: &Path) -> Option<Summary> {
         channels: by_topic(channels),
         statistics,
     })
+}
+
+/// Reports whether a recording lacks its end, because it was cut off or is still being written.
+pub(super) fn is_cut_off(path: &Path) -> bool {
+    let mut end = [0; mcap::MAGIC.len()];
+    let read = File::open(path).and_then(|mut file| {
+        file.seek(SeekFrom::End(-(mcap::MAGIC.len() as i64)))?;
+        file.read_exact(&mut end)
+    });
+    read.is_err() || end != mcap::MAGIC
 }
 
 /// Returns the channels of a recording, by its summary or else by its messages, in the order of topics.

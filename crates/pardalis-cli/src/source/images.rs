@@ -12,6 +12,7 @@ use super::decode::{check_file, decode_image, image_size};
 use super::times::{ImageTimes, read_times};
 use super::{Pixels, TimeSpan, TimedBytes, Timing};
 use crate::output::{Shown, in_line};
+use crate::recordings::recordings_in;
 use crate::user_error::user_error;
 
 /// The images that are still to be delivered.
@@ -176,6 +177,12 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
         }
     }
     if files.is_empty() {
+        if let Some(recordings) = recordings_in(folder) {
+            return Err(user_error!(
+                "{}: the folder holds no images, but recordings; give one of them: {recordings}",
+                folder.shown()
+            ));
+        }
         return Err(user_error!(
             "{}: the folder holds no images; allowed: files ending in .jpg, .jpeg or .png",
             folder.shown()

@@ -12,14 +12,12 @@ from __future__ import annotations
 import concurrent.futures
 import contextlib
 import functools
-import hashlib
-import importlib
 import json
-import operator
 import os
 import queue
 import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -33,28 +31,13 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
-from ._pardalis import __version__, toml_text
+from ._items import Commands, Item, Scene, Source, needed, planned
+from ._pardalis import __version__
 from ._program import TEXT_COLUMNS, call
 
 __all__ = ["Batch", "run"]
 
-Scene = str | os.PathLike[str] | Mapping[str, Any]
-Source = str | os.PathLike[str] | Mapping[str, Any]
-
-# The name of the recording where a scene tracks what it names itself.
-_OWN = "own"
-_NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
-# Keys of scenes that name files. Images and videos are large, and known by size and time; the others by their contents.
-_RECORDED = ("images", "video", "mcap")
-_CONTENTS = ("calibration", "colors", "detections", "file", "mask", "odometry", "poses")
-# Keys of a camera that belong to images, videos or recordings of robots alone.
-_ONLY_OF = {"images": ("images", "fps"), "video": ("video", "input", "yuv"), "mcap": ("mcap", "topic")}
-_IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
-_MCAP_SUFFIX = ".mcap"
-# Part of what an item's results depend on: another number when the same input is to give other files.
-_FORMAT = 1
 _METADATA = b"pardalis"
-_MAX_SEED = 2**32 - 1
 _STATES = ("tracking", "occluded", "searching", "lost")
 # The columns of `items.parquet`, in their order, with what they hold.
 _ITEM_COLUMNS = (
@@ -110,6 +93,7 @@ def run(
     A scene is a file or a dictionary, as for `track`; several have names: `{"plain": "plain.toml", "prior": "prior.toml"}`. `recordings`
     maps names to what the cameras of the scenes show: `{"monday": {"cam1": "monday.mp4"}}`, with a video or a folder of images, or a
     dictionary of the camera's keys that differ. Without it, each scene tracks what it names itself, and its recording is called "own".
+    The motion of platforms belongs to a recording, too: `{"monday": {"cam1": "monday.mp4", "robot": "monday.csv"}}`.
     `seeds` default to that of each scene. `truths` maps recordings, or scenes without `recordings`, to the truth that each item is
     evaluated with, given `evaluate_options`. `frames` and `smooth` are those of `track`. Paths start at the current folder, those in the
     file of a scene at its folder.
@@ -120,13 +104,65 @@ def run(
 
     What is finished is not tracked again, unless its scene, a file that it names, an option or the version of Pardalis has changed.
     Invalid input fails at once; other failures are tried up to `retries` more times. An item that fails does not stop the others, and the
-    next run tries it again. Ctrl-C ends the running items and keeps the finished ones.
+    next run tries it again. Ctrl-C and SIGTERM end the running items and keep the finished ones.
 
     `engine` is "local", "ray" (the Ray that is initialised, or the cluster that `ray.init()` finds, or else this computer), "dask" (the
     current client, or a new one) or a client of Dask. All computers of a cluster need Pardalis and the same paths. At most `workers`
     items run at once: by default as many as there are cores, or as the cluster has room for. Each takes `threads` of them; more are of
     use where there are fewer items than cores.
     """
+    _check(workers, threads, retries, frames, recordings, truths, evaluate_options)
+    needed("pyarrow", "pyarrow")
+    folder = Path(os.path.abspath(output))
+    options = ["--no-plots"]
+    options += [] if frames is None else [f"--frames={frames}"]
+    options += ["--smooth"] if smooth else []
+    commands = Commands(tuple(options), tuple(evaluate_options), threads)
+    items = planned(scenes, recordings, truths, seeds, commands, folder)
+    # At once; None for as many as a cluster has room for.
+    limit = workers or (max(1, _cores() // threads) if engine == "local" else None)
+    starting = _engine(engine, limit, threads)
+    with _terminable(), _alone(folder):
+        _refuse_others(folder, items)
+        records = _known(items)
+        waiting = [item for item in items if not _is_whole(records[item.name])]
+        failures: dict[str, str] = {}
+        report = _Progress(len(items), len(waiting), is_on=progress)
+        try:
+            if waiting:
+                with (
+                    starting as (submit, stop),
+                    # Closed at once on an interrupt, which stops the items before the engine waits for them.
+                    contextlib.closing(_outcomes(waiting, submit, stop, limit, retries)) as outcomes,
+                ):
+                    for item, outcome in outcomes:
+                        records[item.name] = outcome.record or records[item.name]
+                        if outcome.error is not None:
+                            failures[item.name] = outcome.error
+                        else:
+                            item.replaced.unlink(missing_ok=True)
+                        report.show(len(failures))
+        finally:
+            for item in waiting:
+                if item.name not in failures and not _is_whole(records[item.name]):
+                    # It may have ended while the run was interrupted.
+                    records[item.name] = _record(item, item.path)
+            tracked = sum(_is_whole(records[item.name]) for item in waiting)
+            _write_items(folder, items, records, failures)
+            for name in (".partial", "replaced"):
+                with contextlib.suppress(OSError):
+                    # Unless it has results of items that have failed.
+                    (folder / name).rmdir()
+            report.end(tracked, failures, folder)
+    # In the order of the items, not in that in which they ended.
+    in_order = {item.name: failures[item.name] for item in items if item.name in failures}
+    return Batch(folder, len(items), tracked, in_order)
+
+
+def _check(
+    workers: Any, threads: Any, retries: Any, frames: Any, recordings: Any, truths: Any, evaluate_options: Any
+) -> None:
+    """Fail if an argument of `run` cannot be used."""
     for name, value, least in (("workers", workers, 1), ("threads", threads, 1), ("retries", retries, 0), ("frames", frames, 1)):
         # Also those of NumPy.
         if value is not None and (not hasattr(value, "__index__") or value < least):
@@ -136,248 +172,74 @@ def run(
             raise ValueError(f'{name} is {given!r}; allowed: a dictionary by the names of recordings')
     if isinstance(evaluate_options, str):
         raise ValueError(f'evaluate_options is a text; allowed: a list, ["{evaluate_options}"]')
-    _needed("pyarrow", "pyarrow")
-    folder = Path(os.path.abspath(output))
-    options = ["--no-plots"]
-    options += [] if frames is None else [f"--frames={frames}"]
-    options += ["--smooth"] if smooth else []
-    commands = _Commands(tuple(options), tuple(evaluate_options), threads)
-    items = _planned(scenes, recordings, truths, seeds, commands, folder)
-    _refuse_others(folder, items)
-    # At once; None for as many as a cluster has room for.
-    limit = workers or (max(1, _cores() // threads) if engine == "local" else None)
-    starting = _engine(engine, limit, threads)
 
-    records = {item.name: _finished(item, item.path) for item in items}
-    for item in items:
-        # An earlier run with other input failed, and this one is as before.
-        if records[item.name] is None and (record := _finished(item, item.replaced)) is not None:
-            item.path.parent.mkdir(exist_ok=True)
-            os.replace(item.replaced, item.path)
-            records[item.name] = record
-    waiting = [item for item in items if records[item.name] is None]
-    for item in waiting:
-        if item.path.exists():
-            # Of an earlier scene, or half of it was lost: `tracks` shall not have it if the item fails.
-            item.replaced.parent.mkdir(exist_ok=True)
-            os.replace(item.path, item.replaced)
-    failures: dict[str, str] = {}
-    report = _Progress(len(items), len(waiting), is_on=progress)
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end the batch like an interrupt, unless the program has a handler of its own."""
+
+    def end(number: int, _: Any) -> None:
+        # The exit code of a program that a signal has ended, for shells.
+        raise SystemExit(128 + number)
+
+    is_free = signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    # Python lets no other thread do this.
+    if is_free and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, end)
     try:
-        if waiting:
-            with (
-                starting as (submit, stop),
-                # Closed at once on an interrupt, which stops the items before the engine waits for them.
-                contextlib.closing(_outcomes(waiting, submit, stop, limit, retries)) as outcomes,
-            ):
-                for item, outcome in outcomes:
-                    records[item.name] = outcome.record
-                    if outcome.error is not None:
-                        failures[item.name] = outcome.error
-                    else:
-                        item.replaced.unlink(missing_ok=True)
-                    report.show(len(failures))
+        yield
     finally:
-        for item in waiting:
-            if records[item.name] is None and item.name not in failures:
-                # It may have ended while the run was interrupted.
-                records[item.name] = _finished(item, item.path)
-        tracked = sum(records[item.name] is not None for item in waiting)
-        _write_items(folder, items, records, failures)
-        for name in (".partial", "replaced"):
-            with contextlib.suppress(OSError):
-                # Unless another batch writes there, or it has results of items that have failed.
-                (folder / name).rmdir()
-        report.end(tracked, failures, folder)
-    # In the order of the items, not in that in which they ended.
-    in_order = {item.name: failures[item.name] for item in items if item.name in failures}
-    return Batch(folder, len(items), tracked, in_order)
+        # Ray sets one of its own.
+        if signal.getsignal(signal.SIGTERM) is end:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-@dataclass(frozen=True)
-class _Commands:
-    """Options of the commands; results depend on all but the number of threads."""
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Fail if another batch is writing into the folder; otherwise keep others out. The system ends this with the process, however that ends."""
+    if sys.platform == "win32":
+        # It has no such locks.
+        yield
+        return
+    import fcntl
 
-    track: tuple[str, ...]
-    evaluate: tuple[str, ...]
-    threads: int
-
-
-@dataclass(frozen=True)
-class _Item:
-    """A scene, a recording and a seed: all that a worker needs, which may be on another computer."""
-
-    scene: str
-    recording: str
-    seed: int
-    # The scene file, with absolute paths.
-    text: str
-    truth: str | None
-    commands: _Commands
-    # Of everything that its result depends on.
-    key: str
-    folder: Path
-
-    @property
-    def name(self) -> str:
-        return f"{self.scene}.{self.recording}.{self.seed}"
-
-    @property
-    def path(self) -> Path:
-        return self.folder / "tracks" / f"{self.name}.parquet"
-
-    @property
-    def replaced(self) -> Path:
-        """Where an earlier result is until there is another."""
-        return self.folder / "replaced" / self.path.name
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / ".lock"
+    while True:
+        with open(path, "ab") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                message = f"another batch is writing into {folder}; wait until it has ended, or give another output folder"
+                raise RuntimeError(message) from None
+            except OSError:
+                # Some file systems of clusters have no locks.
+                pass
+            if not (path.exists() and os.path.samestat(os.stat(path), os.fstat(file.fileno()))):
+                # The one before has removed it meanwhile.
+                continue
+            try:
+                yield
+            finally:
+                path.unlink(missing_ok=True)
+            return
 
 
 @dataclass(frozen=True)
 class _Outcome:
-    """The record of an item, or its error."""
+    """The record of an item, or its error; both if it was tracked and could not be evaluated."""
 
     record: dict[str, Any] | None
     error: str | None = None
     is_final: bool = True
 
 
-# --- What is to be tracked ---
-
-
-def _planned(
-    scenes: Scene | Mapping[str, Scene],
-    recordings: Mapping[str, Mapping[str, Source]] | None,
-    truths: Mapping[str, str | os.PathLike[str]] | None,
-    seeds: Iterable[int] | None,
-    commands: _Commands,
-    folder: Path,
-) -> list[_Item]:
-    """Return the items in their order: by scene, recording and seed, each as given."""
-    named_scenes = _named(scenes)
-    for name in (*named_scenes, *(recordings or ())):
-        if not _NAME.fullmatch(name):
-            raise ValueError(f'"{name}" is the name of a scene or recording; allowed: 1 to 64 of A-Z a-z 0-9 _ -')
-    truth_files = _truth_files(truths or {}, named_scenes if recordings is None else recordings)
-    seed_list = None if seeds is None else list(dict.fromkeys(map(operator.index, seeds)))
-    stamp = functools.cache(_stamp)
-    items = []
-    for scene_name, scene in named_scenes.items():
-        table = _read(scene_name, scene)
-        own_seed = operator.index(table.pop("seed", 1))
-        for recording_name, sources in ({_OWN: {}} if recordings is None else recordings).items():
-            shown = _with_sources(table, scene_name, recording_name, sources)
-            truth = truth_files.get(scene_name if recordings is None else recording_name)
-            # Stamps stand for paths: folders that are moved are still known.
-            parts = [_FORMAT, __version__, scene_name, recording_name, toml_text(_with_files(shown, stamp)), commands.track]
-            parts += [] if truth is None else [stamp("truth", truth), commands.evaluate]
-            text = toml_text(shown)
-            for seed in [own_seed] if seed_list is None else seed_list:
-                if not 0 <= seed <= _MAX_SEED:
-                    raise ValueError(f"a seed is {seed}; allowed: 0 to {_MAX_SEED}")
-                key = hashlib.sha256(json.dumps([*parts, seed]).encode()).hexdigest()
-                items.append(_Item(scene_name, recording_name, seed, text, truth, commands, key, folder))
-    return items
-
-
-def _named(scenes: Scene | Mapping[str, Scene]) -> Mapping[str, Scene]:
-    if not isinstance(scenes, Mapping):
-        return {Path(scenes).stem: scenes}
-    # Every scene has cameras.
-    return {"scene": scenes} if "cameras" in scenes else scenes
-
-
-def _truth_files(truths: Mapping[str, str | os.PathLike[str]], known: Iterable[str]) -> dict[str, str]:
-    files = {}
-    for name, truth in truths.items():
-        if name not in known:
-            raise ValueError(f'truths: there is no "{name}"; allowed: {", ".join(known)}')
-        path = os.path.abspath(truth)
-        path = os.path.join(path, "truth.csv") if os.path.isdir(path) else path
-        if not os.path.isfile(path):
-            raise ValueError(f'truths: {path}, that of "{name}", is not there; check its name')
-        files[name] = path
-    return files
-
-
-def _read(name: str, scene: Scene) -> dict[str, Any]:
-    """Return a scene as a dictionary whose paths are absolute."""
-    if isinstance(scene, Mapping):
-        return _with_files(scene, lambda _, path: os.path.abspath(path))
-    path = Path(os.path.abspath(scene))
-    toml = _needed("tomllib" if sys.version_info >= (3, 11) else "tomli", "tomli")
-    try:
-        table = toml.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ValueError(f'{scene}, the scene "{name}", cannot be read: {error}') from error
-    return _with_files(table, lambda _, file: os.path.join(path.parent, file))
-
-
-def _with_files(table: Mapping[str, Any], change: Callable[[str, str], str]) -> dict[str, Any]:
-    """Return a copy of a scene in which `change`, given key and path, replaces the names of files."""
-    changed: dict[str, Any] = {}
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            changed[key] = _with_files(value, change)
-        elif key in (*_RECORDED, *_CONTENTS) and isinstance(value, (str, os.PathLike)):
-            if value == "-" or "://" in os.fspath(value):
-                raise ValueError(f'{key} = "{value}" is live; a batch tracks recordings: give the name of a file or folder')
-            changed[key] = change(key, os.fspath(value))
-        else:
-            changed[key] = value
-    return changed
-
-
-def _with_sources(table: dict[str, Any], scene: str, recording: str, sources: Mapping[str, Source]) -> dict[str, Any]:
-    """Return a copy of a scene whose cameras show a recording."""
-    cameras = dict(table.get("cameras", {}))
-    if not isinstance(sources, Mapping):
-        raise ValueError(f'recordings: "{recording}" is {sources!r}; allowed: a dictionary by the names of cameras')
-    for name, source in sources.items():
-        if name not in cameras:
-            raise ValueError(f'recordings: "{recording}" is of the camera "{name}", and scene "{scene}" has only {", ".join(cameras)}')
-        if not isinstance(source, Mapping):
-            name_of_file = os.fspath(source).lower()
-            is_images = os.path.isdir(source) or name_of_file.endswith(_IMAGE_SUFFIXES)
-            source = {"images" if is_images else "mcap" if name_of_file.endswith(_MCAP_SUFFIX) else "video": source}
-        camera = cameras[name]
-        if "detections" in camera and source and "detections" not in source:
-            raise ValueError(f'recordings: "{recording}" has no detections of the camera "{name}"; give {{"video": ..., "detections": ...}}')
-        if any(kind in source for kind in _ONLY_OF):
-            left_out = {key for kind, keys in _ONLY_OF.items() if kind in camera and kind not in source for key in keys}
-            camera = {key: value for key, value in camera.items() if key not in left_out}
-        cameras[name] = camera | _with_files(source, lambda _, path: os.path.abspath(path))
-    if missing := [name for name in cameras if sources and name not in sources]:
-        # They would show what the scene names, of another day.
-        raise ValueError(f'recordings: "{recording}" has nothing of the cameras {", ".join(missing)} of scene "{scene}"; give {{}} to leave them')
-    return {**table, "cameras": cameras}
-
-
-def _stamp(key: str, path: str) -> str:
-    """Return a text that changes with what the file or folder of this key holds."""
-    # A calibration may be in a recording.
-    if key not in _RECORDED and not path.lower().endswith(_MCAP_SUFFIX):
-        # A missing file is an error of its items, in the words of the program.
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest() if os.path.isfile(path) else "missing"
-    if os.path.isdir(path):
-        files = sorted(entry.path for entry in os.scandir(path))
-    elif os.path.isfile(path) or not os.path.exists(path):
-        files = [path]
-    else:
-        raise ValueError(f'{key} = "{path}" is a device; a batch tracks recordings: give the name of a file or folder')
-    sizes = []
-    for file in files:
-        if os.path.exists(file):
-            about = os.stat(file)
-            sizes.append([os.path.relpath(file, path), about.st_size, about.st_mtime_ns])
-    return hashlib.sha256(json.dumps(sizes).encode()).hexdigest()
-
-
 # --- What is finished ---
 
 
-def _finished(item: _Item, path: Path) -> dict[str, Any] | None:
+def _record(item: Item, path: Path) -> dict[str, Any] | None:
     """Return the record of an item if the file at this path was made from the same input."""
-    parquet = _needed("pyarrow.parquet", "pyarrow")
+    parquet = needed("pyarrow.parquet", "pyarrow")
     try:
         # At the end of the file: a file without its end has none.
         record: dict[str, Any] = json.loads(parquet.read_schema(path).metadata[_METADATA])
@@ -386,7 +248,30 @@ def _finished(item: _Item, path: Path) -> dict[str, Any] | None:
     return record if record.get("key") == item.key else None
 
 
-def _refuse_others(folder: Path, items: list[_Item]) -> None:
+def _is_whole(record: Mapping[str, Any] | None) -> bool:
+    """Report whether nothing is left to do for an item. One that could not be evaluated is tried again."""
+    return record is not None and "error" not in record
+
+
+def _known(items: list[Item]) -> dict[str, dict[str, Any] | None]:
+    """Return the records of the items that earlier runs have tracked, and put aside the results of other input."""
+    records = {item.name: _record(item, item.path) for item in items}
+    for item in items:
+        if records[item.name] is not None:
+            continue
+        if (record := _record(item, item.replaced)) is not None:
+            # An earlier run with other input failed, and this one is as before.
+            item.path.parent.mkdir(exist_ok=True)
+            os.replace(item.replaced, item.path)
+            records[item.name] = record
+        elif item.path.exists():
+            # Of an earlier scene, or half of it was lost: `tracks` shall not have it if the item fails.
+            item.replaced.parent.mkdir(exist_ok=True)
+            os.replace(item.path, item.replaced)
+    return records
+
+
+def _refuse_others(folder: Path, items: list[Item]) -> None:
     """Fail if the folder has results of other items: readers of the folder would take them for results of this batch."""
     known = {item.path.name for item in items}
     others = sorted(path.name for path in (folder / "tracks").glob("*.parquet") if path.name not in known)
@@ -398,19 +283,21 @@ def _refuse_others(folder: Path, items: list[_Item]) -> None:
 
 
 def _write_items(
-    folder: Path, items: list[_Item], records: Mapping[str, dict[str, Any] | None], failures: Mapping[str, str]
+    folder: Path, items: list[Item], records: Mapping[str, dict[str, Any] | None], failures: Mapping[str, str]
 ) -> None:
     """Write the table of all items."""
-    pyarrow = _needed("pyarrow", "pyarrow")
+    pyarrow = needed("pyarrow", "pyarrow")
     rows = []
     for item in items:
         row = {"scene": item.scene, "recording": item.recording, "seed": item.seed}
         record = records[item.name]
+        error = failures.get(item.name, None if record is None else record.get("error"))
         if record is not None:
-            warnings = "\n".join(record["warnings"]) or None
-            rows += [{**row, "status": "done", "warnings": warnings, **target} for target in record["targets"]]
-        elif item.name in failures:
-            rows.append({**row, "status": "failed", "error": failures[item.name]})
+            row |= {"status": "done" if error is None else "failed", "error": error}
+            row["warnings"] = "\n".join(record["warnings"]) or None
+            rows += [{**row, **target} for target in record["targets"]]
+        elif error is not None:
+            rows.append({**row, "status": "failed", "error": error})
         else:
             rows.append({**row, "status": "open"})
     kinds = {"text": pyarrow.string(), "whole": pyarrow.int64(), "number": pyarrow.float64()}
@@ -423,15 +310,18 @@ def _write(table: Any, path: Path, folder: Path) -> None:
     partial = folder / ".partial" / f"{path.name}.{uuid.uuid4()}"
     for parent in (partial.parent, path.parent):
         parent.mkdir(parents=True, exist_ok=True)
-    _needed("pyarrow.parquet", "pyarrow").write_table(table, partial, compression="zstd")
+    needed("pyarrow.parquet", "pyarrow").write_table(table, partial, compression="zstd")
     os.replace(partial, path)
 
 
 # --- Tracking one item, on a worker ---
 
 
-def _track(item: _Item, watch: Callable[[subprocess.Popen[str]], None] | None = None) -> _Outcome:
+def _track(item: Item, watch: Callable[[subprocess.Popen[str]], None] | None = None) -> _Outcome:
     """Track an item, and write its file."""
+    if item.version != __version__:
+        here = f"{socket.gethostname()} has Pardalis {__version__}"
+        return _Outcome(None, f"{here}, and the batch was started with {item.version}; install the same version on all computers")
     with tempfile.TemporaryDirectory(prefix="pardalis-") as work:
         scene = os.path.join(work, "scene.toml")
         try:
@@ -442,34 +332,40 @@ def _track(item: _Item, watch: Callable[[subprocess.Popen[str]], None] | None = 
             tracked = run_command("track", *options, "--output", work, "--", scene)
             if tracked.error is not None:
                 raise tracked.error
-            warnings, figures = tracked.warnings, {}
+            warnings = tracked.warnings
+            figures: dict[str, Any] = {}
+            error: ValueError | RuntimeError | None = None
             table = _table(item, os.path.join(work, "tracks.csv"))
             # Without rows, as of a crowd that is never there, there is nothing to compare.
             if item.truth is not None and len(table) > 0:
-                # What was not tracked is no miss.
-                is_part = any(option.startswith("--frames") for option in item.commands.track)
-                has_end = any(option.startswith("--to") for option in item.commands.evaluate)
-                end = [f"--to={max(table['time_s'].to_pylist())}"] if is_part and not has_end else []
-                options = [*end, *item.commands.evaluate]
-                evaluated = run_command("evaluate", "--json=-", *options, "--", work, item.truth)
-                if evaluated.error is not None:
-                    raise evaluated.error
-                warnings = warnings + evaluated.warnings
-                figures = json.loads(evaluated.printed)
+                evaluated = run_command("evaluate", "--json=-", *_evaluate_options(item, table), "--", work, item.truth)
+                warnings, error = warnings + evaluated.warnings, evaluated.error
+                figures = json.loads(evaluated.printed) if error is None else {}
             summary = json.loads(Path(work, "summary.json").read_text(encoding="utf-8"))
-            record = {
+            record: dict[str, Any] = {
                 "key": item.key,
                 "warnings": [_told(text, scene, item) for text in warnings],
                 "targets": [_row(name, target["rows"], figures) for name, target in summary["targets"].items()],
             }
+            if error is not None:
+                # The tracks are kept.
+                record["error"] = f"evaluation: {_told(str(error), scene, item)}"
             table = table.replace_schema_metadata({_METADATA: json.dumps(record)})
             _write(table, item.path, item.folder)
-        except Exception as error:
-            return _Outcome(None, _told(str(error), scene, item), isinstance(error, ValueError))
-        return _Outcome(record)
+        except Exception as failure:
+            return _Outcome(None, _told(str(failure), scene, item), isinstance(failure, ValueError))
+        return _Outcome(record, record.get("error"), isinstance(error, ValueError))
 
 
-def _told(message: str, scene: str, item: _Item) -> str:
+def _evaluate_options(item: Item, table: Any) -> list[str]:
+    # What was not tracked is no miss.
+    is_part = any(option.startswith("--frames") for option in item.commands.track)
+    has_end = any(option.startswith("--to") for option in item.commands.evaluate)
+    end = [f"--to={max(table['time_s'].to_pylist())}"] if is_part and not has_end else []
+    return [*end, *item.commands.evaluate]
+
+
+def _told(message: str, scene: str, item: Item) -> str:
     """Return a message of the program without the place of the worker's scene and the lines there: nobody sees that file."""
     name = f'scene "{item.scene}"'
     message = message.replace(scene, name).replace(os.path.dirname(scene) + os.sep, "")
@@ -493,9 +389,9 @@ def _row(target: str, states: Mapping[str, int], figures: Mapping[str, Any]) -> 
     return row
 
 
-def _table(item: _Item, path: str) -> Any:
+def _table(item: Item, path: str) -> Any:
     """Read the rows of an item: N rows, three columns more than `tracks.csv`."""
-    pyarrow, csv = _needed("pyarrow", "pyarrow"), _needed("pyarrow.csv", "pyarrow")
+    pyarrow, csv = needed("pyarrow", "pyarrow"), needed("pyarrow.csv", "pyarrow")
     with open(path, encoding="utf-8") as file:
         names = file.readline().rstrip().split(",")
     kinds = {"frame": pyarrow.int64(), **dict.fromkeys(TEXT_COLUMNS, pyarrow.string())}
@@ -509,19 +405,19 @@ def _table(item: _Item, path: str) -> Any:
 # --- Engines ---
 
 _Future = concurrent.futures.Future[_Outcome]
-_Submit = Callable[[_Item], _Future]
+_Submit = Callable[[Item], _Future]
 _Stop = Callable[[Iterable[_Future]], None]
 _Engine = tuple[_Submit, _Stop]
 
 
 def _outcomes(
-    items: Iterable[_Item], submit: _Submit, stop: _Stop, limit: int | None, retries: int
-) -> Generator[tuple[_Item, _Outcome], None, None]:
+    items: Iterable[Item], submit: _Submit, stop: _Stop, limit: int | None, retries: int
+) -> Generator[tuple[Item, _Outcome], None, None]:
     """Track items, `limit` at once, and yield what became of each when it has succeeded or failed for good."""
     waiting = deque(items)
     attempts: Counter[str] = Counter()
     running: set[concurrent.futures.Future[_Outcome]] = set()
-    ended: queue.SimpleQueue[tuple[_Item, concurrent.futures.Future[_Outcome]]] = queue.SimpleQueue()
+    ended: queue.SimpleQueue[tuple[Item, concurrent.futures.Future[_Outcome]]] = queue.SimpleQueue()
     try:
         while waiting or running:
             while waiting and (limit is None or len(running) < limit):
@@ -560,9 +456,9 @@ def _engine(engine: Any, limit: int | None, threads: int) -> contextlib.Abstract
     if engine == "local":
         return _local(limit)
     if engine == "ray":
-        return _ray(_needed("ray", "ray"), threads)
+        return _ray(needed("ray", "ray"), threads)
     if engine == "dask" or hasattr(engine, "get_executor"):
-        return _dask(_needed("distributed", "dask[distributed]"), engine)
+        return _dask(needed("distributed", "dask[distributed]"), engine)
     raise ValueError(f'engine is {engine!r}; allowed: "local", "ray", "dask" or a client of Dask')
 
 
@@ -600,7 +496,7 @@ def _ray(ray: Any, threads: int) -> Iterator[_Engine]:
     task = ray.remote(num_cpus=threads, max_retries=0)(_track)
     references: dict[_Future, Any] = {}
 
-    def submit(item: _Item) -> _Future:
+    def submit(item: Item) -> _Future:
         reference = task.remote(item)
         future: _Future = reference.future()
         references[future] = reference
@@ -639,14 +535,6 @@ def _dask(distributed: Any, client: Any) -> Iterator[_Engine]:
     finally:
         if is_ours:
             client.close()
-
-
-def _needed(module: str, package: str) -> Any:
-    """Import a package that is only needed here."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise ImportError(f'pardalis.batch needs the package {package}: pip install "{package}"') from error
 
 
 # --- Progress ---

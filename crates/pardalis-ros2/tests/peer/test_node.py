@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from cyclonedds.internal import InvalidSample
 from PIL import Image
-from ros import DATA, LATCHED, RELIABLE, Peer, header, message, nanoseconds
+from ros import DATA, LATCHED, RELIABLE, SENSOR, Peer, header, message, nanoseconds
 
 PROGRAM = Path(os.environ["PARDALIS_ROS2"])
 RIG = DATA / "webcams-two"
@@ -235,6 +235,99 @@ def test_the_lens_may_come_from_camera_info(tmp_path, domain, is_latched):
     assert 0.3 < np.linalg.norm([position.x, position.y, position.z - 1]) < 0.7
 
 
+def camera_info(k, d, p):
+    region = message("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False)
+    matrix = lambda fx, fy, cx, cy: [float(v) for v in (fx, 0, cx, 0, fy, cy, 0, 0, 1)]
+    p = np.column_stack([np.reshape(matrix(*p), (3, 3)), np.zeros(3)]).ravel().tolist()
+    turn = np.eye(3).ravel().tolist()
+    return message("sensor_msgs/msg/CameraInfo")(header(1), 240, 320, "plumb_bob", d, matrix(*k), turn, p, 0, 0, region)
+
+
+def test_rectified_images_have_the_lens_of_the_projection_matrix(tmp_path, domain):
+    peer = Peer(domain)
+    known = json.loads((RIG / "cameras.json").read_text())["cameras"][0]
+    pose = f"[cameras.cam1]\nworld_from_camera = {known['T_world_from_camera']}\n"
+    scene = pose + "[targets.ball]" + SCENE.split("[targets.ball]")[1]
+    writer = peer.publisher("/stereo/image_rect_color/compressed", COMPRESSED)
+    infos = peer.publisher("/stereo/camera_info", "sensor_msgs/msg/CameraInfo", LATCHED)
+    poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    # With the raw lens, the ball would be at three quarters of its distance.
+    infos.write(camera_info([250, 250, 150, 130], [-0.3, 0.1, 0.0, 0.0, 0.0], [known[key] for key in ("fx", "fy", "cx", "cy")]))
+    found = []
+    options = ["cam1=/stereo/image_rect_color/compressed", "--camera-info", "cam1=/stereo/camera_info"]
+    with Node(tmp_path, domain, *options, scene=scene) as node:
+        until = time.monotonic() + 20
+        number = 0
+        while len(found) < 5 and time.monotonic() < until:
+            writer.write(compressed(START_NS + number * STEP_NS, "cam1", 0))
+            number += 1
+            time.sleep(0.05)
+            found += taken(poses)
+        assert len(found) >= 5, node.text()
+    position = found[-1].pose.pose.position
+    np.testing.assert_allclose([position.x, position.y, position.z], truth_m()[0], atol=0.03)
+
+
+def test_what_does_not_come_is_explained(tmp_path, domain):
+    peer = Peer(domain)
+    scene = SCENE.replace("[targets.ball]", "[platforms.robot]\n[targets.ball]").replace("[cameras.cam1]", '[cameras.cam1]\nplatform = "robot"')
+    others = [
+        peer.publisher("/cam1/image_raw", COMPRESSED),
+        peer.publisher("/stereo/image", IMAGE, SENSOR),
+        peer.publisher("/odom", "geometry_msgs/msg/PoseStamped"),
+    ]
+
+    def said(words, *options, writer=None):
+        with Node(tmp_path, domain, "--odometry", "robot=/odom", *options, scene=scene) as node:
+            until = time.monotonic() + 30
+            number = 0
+            while words not in node.text():
+                assert time.monotonic() < until and node.process.poll() is None, node.text()
+                if writer:
+                    number += 1
+                    writer[0].write(raw(START_NS + number * STEP_NS, np.asarray(Image.open(file_of("cam1", 0)))))
+                    writer[1].write(raw(START_NS + number * STEP_NS, np.asarray(Image.open(file_of("cam2", 0)))))
+                time.sleep(0.05)
+
+    said(
+        "waiting for images on /cam1/image_raw: it has sensor_msgs/msg/CompressedImage, and sensor_msgs/msg/Image is needed; "
+        "publish it on a topic that ends with /compressed"
+    )
+    said("waiting for images on /cam2/image_raw: nobody publishes there, but on /cam1/image_raw, /stereo/image\n")
+    said("waiting for images on /stereo/image: its publisher is best effort (QoS); leave out --reliable", "cam1=/stereo/image", "--reliable")
+    said("waiting for a calibration of cam1 on /info: nobody publishes there, nor sensor_msgs/msg/CameraInfo elsewhere", "--camera-info", "cam1=/info")
+    words = "warning: nothing comes on /odom: it has geometry_msgs/msg/PoseStamped, and nav_msgs/msg/Odometry is needed"
+    both = [others[1], peer.publisher("/other/image", IMAGE, SENSOR)]
+    said(words, "cam1=/stereo/image", "cam2=/other/image", writer=both)
+
+
+def test_a_simulated_clock_begins_at_zero(tmp_path, domain):
+    # Of the detector, no message is taken before tracking begins.
+    scene = SCENE.split("[cameras.cam2]")[0] + "[targets.ball]" + SCENE.split("[targets.ball]")[1].split("colors = ")[0] + "detector = {}\n[timing]\nmax_delay_s = 5\n"
+    peer = Peer(domain)
+    images = peer.publisher("/cam1/image_raw/compressed", COMPRESSED)
+    boxes = peer.publisher("/boxes", "vision_msgs/msg/Detection2DArray")
+    states = peer.subscription("/pardalis/ball/state", "std_msgs/msg/String")
+    poses = peer.subscription("/pardalis/ball/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    found = []
+    options = ["cam1=/cam1/image_raw/compressed", "--detections", "cam1=/boxes", "--reliable"]
+    with Node(tmp_path, domain, *options, scene=scene) as node:
+        wait_for(lambda: matched([images, boxes]))
+        # The node only looks at the size of this one.
+        images.write(compressed(0, "cam1", 0))
+        wait_for(lambda: matched(readers=[states, poses]))
+        for number in range(20):
+            ns = number * STEP_NS
+            images.write(compressed(ns, "cam1", 0))
+            boxes.write(detections(ns, [("ball", 0.9, [100, 100, 140, 140])]))
+            time.sleep(0.05)
+            found += taken(poses)
+        wait_for(lambda: found.extend(taken(poses)) or 19 * STEP_NS in {nanoseconds(pose.header) for pose in found})
+        log = node.stop()
+    assert max(nanoseconds(pose.header) for pose in found) == 19 * STEP_NS and len(found) >= 15
+    assert "cam1, detections: 20 images received, 20 used, 0 late, 0 dropped" in log
+
+
 def test_odometry_moves_the_camera(tmp_path, domain):
     robot = DATA / "dioptric-moving-robot"
     scene = (robot / "scene.toml").read_text()
@@ -436,6 +529,13 @@ def test_mistakes_are_named(tmp_path, domain):
     wrong = error(scene=SCENE.replace("0.035", "-1"))
     assert "line 7: targets.ball.shape.sphere.radius_m: is -1" in wrong
     assert "no.toml: cannot be read: there is no such file" in error(scene=SCENE.replace("pink-ball.hsi.colors.toml", "no.toml"))
+    # Names of topics have no hyphens.
+    hyphens = SCENE + SCENE[SCENE.index("[targets.ball]") :].replace("targets.ball", "targets.a-b")
+    hyphens += SCENE[SCENE.index("[targets.ball]") :].replace("targets.ball", "targets.a_b")
+    assert "the targets a-b and a_b would have the same topic a_b; rename one of them" in error(scene=hyphens)
+    assert "the cameras cam1 and cam2 have the same topic /cam1/image_raw; give each its own" in error("cam2=/cam1/image_raw")
+    wrong = SCENE.replace("[cameras.cam1]\n", '[cameras.left-]\ncalibration_camera = "cam1"\n')
+    assert "cameras.left-: no topic has this name; give left-=/TOPIC" in error(scene=wrong)
     platform = "[platforms.robot]\n" + SCENE.replace("[targets", 'platform = "robot"\n[targets')
     assert "platforms.robot: nothing says how it moves; give --odometry robot=/odom" in error(scene=platform)
     assert "--odometry: rover is no platform of the scene" in error("--odometry", "rover=/odom")

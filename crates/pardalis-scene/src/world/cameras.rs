@@ -149,7 +149,7 @@ fn read_optics(
     table: &Table,
     read_calibration: ReadCalibration,
 ) -> Option<(Camera, (usize, usize), Option<Pose>)> {
-    let file = read_calibrated(name, table, read_calibration);
+    let file = read_calibrated(name, table, read_calibration, None);
     let model = if table.has("calibration") {
         if table.knows("model") {
             table.conflict("model", "calibration");

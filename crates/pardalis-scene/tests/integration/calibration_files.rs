@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fs;
 
 use nalgebra::{Point3, Rotation3, Translation3, Vector3};
-use pardalis_camera::formats::Format;
+use pardalis_camera::formats::{Format, Lens};
 use pardalis_camera::{CalibratedCamera, Pose};
 use pardalis_camera::{
     Camera, DoubleSphere, Equidistant, ExtendedUnified, KannalaBrandt, Mei, Ocam,
@@ -114,6 +114,55 @@ fn names_sizes_and_poses_are_read() {
     let posed = |name: &str| read(name, None)[0].world_from_camera.is_some();
     assert!(posed("opencv-stereo.yml") && posed("opencv-pose.yml") && posed("kalibr-chain.yaml"));
     assert!(!posed("opencv-stereo-intrinsics.yml") && !posed("ros-message.yaml"));
+}
+
+#[test]
+fn ros_calibrations_have_a_camera_of_rectified_images_too() {
+    let text = sample("ros-plumb_bob.yaml");
+    // P with other numbers than the camera matrix, as of the right camera of a pair.
+    let (rest, p) = text.split_once("projection_matrix:").unwrap();
+    let p = p
+        .replacen("412.31", "390.5", 1)
+        .replacen("321.7", "318.25", 1);
+    let p = p
+        .replacen("409.87", "391.5", 1)
+        .replacen("236.9", "240.75", 1);
+    let text = format!("{rest}projection_matrix:{p}");
+    let rectified = &read(&text, Some(Lens::Rectified)).unwrap()[0];
+    let parameters: Vec<f64> = rectified
+        .camera
+        .parameters()
+        .iter()
+        .map(|(_, v)| *v)
+        .collect();
+    assert_eq!(rectified.camera.kind(), "pinhole");
+    assert_eq!(parameters[..4], [390.5, 391.5, 318.25, 240.75]);
+    assert!(parameters[4..].iter().all(|&v| v == 0.0));
+    assert_eq!(rectified.size_px, Some((640, 480)));
+    assert_eq!(rectified.name, "narrow_stereo_left");
+    // Of the raw images as before.
+    let raw = &read(&text, None).unwrap()[0];
+    assert_eq!(raw.camera.parameters()[0].1, 412.31);
+    assert_eq!(raw.camera.parameters()[4].1, 0.134_462);
+
+    let error = |text: &str| read(text, Some(Lens::Rectified)).unwrap_err().to_string();
+    let without = error(rest);
+    assert!(
+        without.contains("projection_matrix is missing"),
+        "{without}"
+    );
+    let zero = error(&text.replacen("390.5", "0.0", 1));
+    assert!(zero.contains("has no camera of rectified images"), "{zero}");
+    let negative = error(&text.replacen("390.5", "-390.5", 1));
+    assert!(
+        negative.contains("allowed: a positive number"),
+        "{negative}"
+    );
+    // Other formats have none, unless the lens has no distortion.
+    let other = error(&sample("opencv-fisheye.yml"));
+    assert!(other.contains("was to be read as rectified"), "{other}");
+    let kalibr = error(&sample("kalibr-imu.yaml"));
+    assert!(kalibr.contains("was to be read as rectified"), "{kalibr}");
 }
 
 /// Returns one camera of each model, with numbers that any rounding would change.

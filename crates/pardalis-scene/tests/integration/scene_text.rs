@@ -128,6 +128,49 @@ fn check_colors(text: &str) -> bool {
 }
 
 #[test]
+fn recorded_calibrations_of_rectified_images_are_read_as_such() {
+    let lens_of = |keys: &str| {
+        let text = format!(
+            "[cameras.left]\n{keys}\n[targets.ball]\nshape.sphere.radius_m = 0.1\ncolors = \"ball.toml\"\n"
+        );
+        let asked = std::cell::Cell::new(None);
+        let read = |file: &str, lens| {
+            asked.set(Some(lens));
+            no_calibration(file, lens)
+        };
+        assert!(Scene::parse(&text, &read).is_err());
+        asked.get().expect("the calibration was asked for")
+    };
+    let recorded = |topic: &str| {
+        lens_of(&format!(
+            "mcap = \"ride.mcap\"\ntopic = \"{topic}\"\ncalibration = \"ride.MCAP\""
+        ))
+    };
+    for topic in [
+        "/left/image_rect",
+        "/left/image_rect_color",
+        "/left/image_rect/compressed",
+        "image_rect_raw",
+    ] {
+        assert_eq!(recorded(topic), Some(Lens::Rectified), "{topic}");
+    }
+    for topic in [
+        "/left/image_raw",
+        "/image_rect/image",
+        "/left/image_rectangle",
+    ] {
+        assert_eq!(recorded(topic), None, "{topic}");
+    }
+    // A lens that is stated counts, and a file may be of either images.
+    let rectified = "mcap = \"ride.mcap\"\ntopic = \"/left/image_rect\"\ncalibration = ";
+    let stated = format!("{rectified}\"ride.mcap\"\ncalibration_lens = \"pinhole\"");
+    assert_eq!(lens_of(&stated), Some(Lens::Pinhole));
+    assert_eq!(lens_of(&format!("{rectified}\"left.yaml\"")), None);
+    let stated = format!("{rectified}\"left.yaml\"\ncalibration_lens = \"rectified\"");
+    assert_eq!(lens_of(&stated), Some(Lens::Rectified));
+}
+
+#[test]
 fn texts_truncated_at_any_byte_are_read_or_rejected() {
     assert!(check_scene(SCENE) && check_colors(COLORS) && check_experiment(EXPERIMENT));
     let cut = |text: &'static str| (0..text.len()).filter_map(move |end| text.get(..end));

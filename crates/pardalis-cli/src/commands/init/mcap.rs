@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis_scene::FrameRange;
+use pardalis_camera::formats::Lens;
+use pardalis_scene::{FrameRange, is_rectified};
 
 use super::text::{Calibration, CameraText};
 use super::{
@@ -23,6 +24,9 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
         ));
     }
     let (known, is_recorded) = known(arguments)?;
+    // What is wrong with a calibration has been said of the raw images.
+    let rectified = mcap::calibrations(file, Some(Lens::Rectified));
+    let (rectified, _) = rectified.unwrap_or_default();
     let mut cameras: Vec<CameraText> = Vec::new();
     let mut left_out: Vec<String> = Vec::new();
     let topics = mcap::image_topics(file).map_err(|message| user_error!("{message}"))?;
@@ -35,13 +39,12 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
                 continue;
             }
         };
-        if topic.contains("/image_rect") {
-            warn(format!(
-                "{topic}: its images are rectified, and recorded calibrations are of the raw ones: give model.pinhole with the values of P, and no distortion"
-            ));
-        }
+        let is_of_rectified = is_recorded && is_rectified(topic);
         let shown = shown_path(file, output);
         let calibrated = match &known {
+            KnownCameras::Calibration { .. } if is_of_rectified => {
+                rectified.iter().find(|c| c.name == *name)
+            }
             // A given calibration is of all; a recorded one may be of another camera.
             KnownCameras::Calibration { cameras, .. }
                 if cameras.len() == 1 && (!is_recorded || topics.len() == 1) =>
@@ -54,11 +57,12 @@ pub(super) fn cameras(arguments: &Arguments) -> Result<Vec<CameraText>> {
         let text = match (&known, calibrated) {
             (KnownCameras::Calibration { file, .. }, Some(camera)) => {
                 check_size(file, camera, opened.size)?;
+                let of_rectified = is_of_rectified.then_some(Lens::Rectified);
                 let calibration = Calibration {
                     file: shown_path(file, output),
                     // So that the camera may get another name.
                     camera: Some(camera.name.clone()),
-                    lens: arguments.lens,
+                    lens: of_rectified.or(arguments.lens),
                 };
                 CameraText::known(camera, calibration, &opened, &shown, None)
             }
