@@ -109,16 +109,17 @@ impl Measurements {
             filter.predict(dt_s);
             return;
         }
-        let mut now_s = time_s - dt_s;
+        // The time that is left to predict. Without rounding if all measurements are of the end.
+        let mut left_s = dt_s;
         let mut shared_m2 = standing.shared_m2;
         for (sum, of_platforms) in shared_m2.iter_mut().zip(self.platforms_m2) {
             *sum += of_platforms;
         }
         for measurement in self.waiting.drain(..due) {
-            let later_s = measurement.time_s() - now_s;
-            if later_s > 0.0 {
-                filter.predict(later_s);
-                now_s = measurement.time_s();
+            let before_s = time_s - measurement.time_s();
+            if before_s < left_s {
+                filter.predict(left_s - before_s);
+                left_s = before_s;
             }
             let start = standing.start_at(&measurement);
             let counts = &mut self.counts;
@@ -126,7 +127,7 @@ impl Measurements {
                 counts.without_target += 1;
                 continue;
             }
-            let ago_s = now_s - measurement.time_s();
+            let ago_s = before_s - left_s;
             match (filter.measure(&measurement, ago_s, shared_m2), start) {
                 (Measured::Used, _) => counts.used += 1,
                 (Measured::Late, _) => counts.late += 1,
@@ -140,7 +141,7 @@ impl Measurements {
                 (Measured::NoTarget, None) => counts.without_target += 1,
             }
         }
-        filter.predict(time_s - now_s);
+        filter.predict(left_s);
     }
 }
 
