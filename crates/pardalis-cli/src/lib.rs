@@ -17,6 +17,7 @@ pub mod fuzzing;
 mod interrupt;
 #[cfg_attr(not(feature = "mcap"), path = "without_mcap.rs")]
 mod mcap;
+mod measurements;
 mod named_files;
 mod numbers;
 mod output;

@@ -42,6 +42,7 @@ pub(crate) fn missing(text: &str, folder: &Path, sound: &Scene) -> Vec<Problem> 
         let remedy = "; `pardalis learn` writes such files";
         let of_target = format!("targets.{name}");
         missing.check(&of_target, target, "colors", remedy);
+        missing.check(&of_target, target, "measurements", "");
         for (landmark, table) in tables(target, "landmarks") {
             let of_landmark = format!("{of_target}.landmarks.{landmark}");
             missing.check(&of_landmark, table, "colors", remedy);

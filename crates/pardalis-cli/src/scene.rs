@@ -13,6 +13,7 @@ use pardalis_scene::{
 
 use crate::detections::{CameraDetections, Detections, Images};
 use crate::interrupt::Stop;
+use crate::measurements::MeasurementRows;
 use crate::named_files;
 use crate::output::{Shown, warn};
 use crate::platforms::PlatformRows;
@@ -39,6 +40,8 @@ pub(crate) struct OpenScene {
     pub(crate) sources: Vec<Source>,
     /// The motion of each platform, in the scene's order.
     pub(crate) platforms: Vec<PlatformRows>,
+    /// What other sensors measure.
+    pub(crate) measurements: Vec<MeasurementRows>,
     /// What another program detected.
     pub(crate) detections: Detections,
     /// The tracker, ready for the first frames.
@@ -209,6 +212,9 @@ pub(crate) fn open_with(
         find_live_rectangles(path, &mut scene)?;
         // They are at no time, and the world is the platform's frame.
         scene.platforms.clear();
+        for target in &mut scene.targets {
+            target.measurements = None;
+        }
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut parts = Parts::with(scene, Vec::new());
@@ -268,6 +274,8 @@ pub(crate) struct Parts {
     pub(crate) sources: Vec<Option<Source>>,
     /// The motion of its platforms, if their files are right.
     pub(crate) platforms: Vec<PlatformRows>,
+    /// What other sensors measure of its targets, if their files are right.
+    measurements: Vec<MeasurementRows>,
     /// What another program detected, if the files are right.
     detections: Detections,
     /// Its views and bodies, and all problems.
@@ -283,6 +291,7 @@ impl Parts {
             scene,
             sources: Vec::new(),
             platforms: Vec::new(),
+            measurements: Vec::new(),
             is_complete: problems.is_empty(),
             assembly: Assembly::with(problems),
         }
@@ -309,6 +318,7 @@ impl Parts {
         let problems = rig::problems(&self.opened(), folder);
         self.assembly.problems.extend(problems);
         self.open_platforms(folder);
+        self.read_measurements(folder);
         self.read_detections(folder, !stills.is_empty());
         Ok(())
     }
@@ -353,6 +363,37 @@ impl Parts {
             self.assembly
                 .problems
                 .push(file.problem(format!("{}: {error:#}", path.shown())));
+        }
+    }
+
+    /// Reads what other sensors measure.
+    fn read_measurements(&mut self, folder: &Path) {
+        for (number, target) in self.scene.targets.iter().enumerate() {
+            let Some(file) = target.measurements.as_ref().filter(|_| self.is_complete) else {
+                continue;
+            };
+            let sources = self.sources.iter().flatten();
+            let read = if sources.clone().any(Source::is_live) {
+                Err(user_error!(
+                    "is of the past, and a camera is live; record its video first, or call Tracker::observe_measurement of the library"
+                ))
+            } else {
+                MeasurementRows::read(&resolve(folder, &file.value), number, target)
+            };
+            let read = read.and_then(|rows| {
+                let mut spans = sources.filter_map(Source::span);
+                match spans.find_map(|span| rows.problem_with(&span)) {
+                    Some(problem) => Err(user_error!("{problem}")),
+                    None => Ok(rows),
+                }
+            });
+            match read {
+                Ok(rows) => self.measurements.push(rows),
+                Err(error) => {
+                    let problem = file.problem(format!("{error:#}"));
+                    self.assembly.problems.push(problem);
+                }
+            }
         }
     }
 
@@ -457,6 +498,7 @@ impl Parts {
             scene: self.scene,
             sources: self.sources.into_iter().flatten().collect(),
             platforms: self.platforms,
+            measurements: self.measurements,
             detections: self.detections,
             tracker,
         })

@@ -69,6 +69,7 @@
 //! - [`particle_filter`]: the filter of a target that exists.
 //! - [`bernoulli`]: the filter that also estimates existence.
 //! - [`motion`]: random walk, constant velocity and constant acceleration, in space or in a plane.
+//! - [`Measurement`]: what other sensors than cameras measure.
 //! - [`gaussian`]: Gaussian priors, and their transformation between world frames.
 //! - [`resample`]: multinomial, stratified, systematic and residual resampling.
 //! - [`estimate`]: the result of a filter.
@@ -80,6 +81,7 @@ pub mod estimate;
 pub mod flight;
 pub mod gaussian;
 mod likelihood;
+mod measurement;
 pub mod motion;
 pub mod particle_filter;
 mod particles;
@@ -89,6 +91,7 @@ mod weighted;
 
 pub use estimate::StateEstimate;
 pub use likelihood::Likelihood;
+pub use measurement::Measurement;
 pub use pardalis_core::Error;
 pub use pardalis_core::rng::Draws;
 pub use pardalis_core::simd::Level;

@@ -1,5 +1,6 @@
 //! The tracker.
 
+use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::fs::File;
 use std::io;
@@ -15,7 +16,7 @@ use crate::estimate::Estimate;
 use crate::target::Target;
 use crate::{program, value_error};
 use pardalis::platform::{Increment, ObservedMotion, OdometryErrors, Platform, StampedPose};
-use pardalis::tracker::{Observed, PlatformId};
+use pardalis::tracker::{Measurement, Observed, ObservedMeasurement, PlatformId};
 use pardalis::{CameraId, FrameSet, TargetId};
 use pardalis_scene::TargetConfig;
 
@@ -331,6 +332,87 @@ impl Tracker {
         };
         let observed = self.tracker.observe_increment(platform, &increment);
         observed.map(word).map_err(value_error)
+    }
+
+    /// Observe what another sensor measures of a target at a time in seconds: a position, a velocity, a range or a direction, in the world.
+    ///
+    /// Give one of `position_m` and `velocity_mps`, with None for coordinates that are not measured; or `range_m` or `direction` (a vector of any length), as seen from `from_m`. `sigma` is
+    /// its standard deviation on each axis: in metres, m/s, or radians for a direction. `covariance` (3 x 3) replaces it for positions and velocities.
+    ///
+    /// It is taken into account with the next images at its time or after it, in the order of time. Return "waiting", or "late" if it is too old.
+    #[pyo3(signature = (target, time_s, *, position_m=None, velocity_mps=None, range_m=None, direction=None, from_m=None, sigma=None, covariance=None))]
+    #[allow(clippy::too_many_arguments)] // keywords of Python
+    fn observe_measurement(
+        &mut self,
+        target: &str,
+        time_s: f64,
+        position_m: Option<[Option<f64>; 3]>,
+        velocity_mps: Option<[Option<f64>; 3]>,
+        range_m: Option<f64>,
+        direction: Option<[f64; 3]>,
+        from_m: Option<[f64; 3]>,
+        sigma: Option<f64>,
+        covariance: Option<[[f64; 3]; 3]>,
+    ) -> PyResult<&'static str> {
+        let target = self.target_id(target)?;
+        let needed = |what: &str| PyValueError::new_err(what.to_owned());
+        let of_vector = || match (sigma, covariance) {
+            (Some(sigma), None) => Ok([sigma * sigma, 0.0, 0.0, sigma * sigma, 0.0, sigma * sigma]),
+            (None, Some([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]])) => {
+                // What is not measured may be NaN.
+                let differs = |a: f64, b: f64| a != b && !(a.is_nan() && b.is_nan());
+                if differs(xy, yx) || differs(xz, zx) || differs(yz, zy) {
+                    return Err(needed(
+                        "covariance is not symmetric; give a symmetric matrix",
+                    ));
+                }
+                Ok([xx, xy, xz, yy, yz, zz])
+            }
+            _ => Err(needed("give sigma or covariance, one of the two")),
+        };
+        let of_ray = || match (from_m, sigma, covariance) {
+            (Some(from_m), Some(sigma), None) => Ok((from_m, sigma)),
+            _ => Err(needed("give from_m and sigma with a range or a direction")),
+        };
+        let measurement = match (position_m, velocity_mps, range_m, direction) {
+            (Some(position_m), None, None, None) => {
+                Measurement::position(time_s, position_m, of_vector()?)
+            }
+            (None, Some(velocity_mps), None, None) => {
+                Measurement::velocity(time_s, velocity_mps, of_vector()?)
+            }
+            (None, None, Some(range_m), None) => {
+                let (from_m, sigma) = of_ray()?;
+                Measurement::range(time_s, from_m, range_m, sigma)
+            }
+            (None, None, None, Some(direction)) => {
+                let (from_m, sigma) = of_ray()?;
+                Measurement::bearing(time_s, from_m, direction, sigma)
+            }
+            _ => {
+                return Err(needed(
+                    "give one of position_m, velocity_mps, range_m and direction; of several, call this once for each",
+                ));
+            }
+        };
+        let measurement = measurement.map_err(value_error)?;
+        match self.tracker.observe_measurement(target, &measurement) {
+            Ok(ObservedMeasurement::Waiting) => Ok("waiting"),
+            Ok(ObservedMeasurement::Late) => Ok("late"),
+            Err(error) => Err(value_error(error)),
+        }
+    }
+
+    /// Return how many measurements of a target by other sensors were used, rejected as outliers, made while it was not known, and late.
+    fn measurement_counts(&self, target: &str) -> PyResult<BTreeMap<&'static str, usize>> {
+        let counts = self.tracker.measurement_counts(self.target_id(target)?);
+        let counts = counts.map_err(value_error)?;
+        Ok(BTreeMap::from([
+            ("used", counts.used),
+            ("rejected", counts.rejected),
+            ("without_target", counts.without_target),
+            ("late", counts.late),
+        ]))
     }
 
     /// Return the estimate of a target, at the time of the latest images or predicted for a later time.

@@ -167,3 +167,48 @@ def test_what_is_of_another_class_is_named():
         Tracker({"cam": CAMERA}, {"ball": Shape.ball(0.1)})
     with pytest.raises(TypeError, match=r'cameras\["cam"\] is no Camera'):
         Tracker({"cam": None}, {"ball": Target(Shape.ball(0.1), COLORS)})
+
+
+def test_other_sensors_are_taken_into_account():
+    from_m = [0.0, 0.0, 0.0]
+    ranges = {}
+    for sigma in (None, 0.002):
+        tracker = tracker_of()
+        for number in range(20):
+            image, _ = picture([0, 0, 2])
+            if sigma and number > 5:
+                # It says that the ball is 2 cm farther away than the image does.
+                observed = tracker.observe_measurement(
+                    "ball", number / 25, range_m=2.02, from_m=from_m, sigma=sigma
+                )
+                assert observed == "waiting"
+            tracker.observe({"cam": image}, number / 25)
+        ranges[sigma] = np.linalg.norm(np.subtract(tracker.estimate("ball").position_m, from_m))
+    assert ranges[None] < ranges[0.002] < 2.03
+    counts = tracker.measurement_counts("ball")
+    assert counts == {"used": 14, "rejected": 0, "without_target": 0, "late": 0}
+    place = {"position_m": [5, None, 2], "covariance": [[0.01, np.nan, 0], [np.nan, np.nan, 0], [0, 0, 0.01]]}
+    assert tracker.observe_measurement("ball", 0.5, **place) == "late"
+    assert tracker.observe_measurement("ball", 0.8, **place) == "waiting"
+    tracker.observe({}, 0.8)
+    counts = tracker.measurement_counts("ball")
+    assert (counts["rejected"], counts["late"]) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("measured", "message"),
+    [
+        ({}, "give one of position_m, velocity_mps, range_m and direction"),
+        ({"range_m": 1, "direction": [1, 0, 0]}, "give one of position_m"),
+        ({"range_m": 1, "sigma": 0.1}, "give from_m and sigma"),
+        ({"range_m": -1, "sigma": 0.1, "from_m": [0, 0, 0]}, "range_m is -1"),
+        ({"direction": [0, 0, 0], "sigma": 0.1, "from_m": [0, 0, 0]}, "direction is"),
+        ({"position_m": [1, 2, 3]}, "give sigma or covariance"),
+        ({"position_m": [None, None, None], "sigma": 0.1}, "position_m is empty"),
+        ({"velocity_mps": [1, 2, 3], "sigma": 0}, "the covariance is"),
+        ({"position_m": [1, 2, 3], "covariance": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}, "is not symmetric"),
+    ],
+)
+def test_bad_measurements_are_refused(measured, message):
+    with pytest.raises(ValueError, match=message):
+        tracker_of().observe_measurement("ball", 0.0, **measured)

@@ -39,6 +39,8 @@ pub struct TargetConfig {
     pub crowd: Option<usize>,
     /// The plane that it is predicted to cross when it flies.
     pub crossing: Option<CrossingConfig>,
+    /// The file with what other sensors measure of it.
+    pub measurements: Option<Located<String>>,
 }
 
 /// How many targets of a kind there are.
@@ -263,6 +265,8 @@ impl TargetConfig {
         if crossing.is_some() && !table.is_describing() {
             check_crossing(&table, has_landmarks, shared.as_ref());
         }
+        let measurements =
+            read_measurements(&table, has_landmarks || crowd.is_some(), shared.as_ref());
         table.finish();
         Some(Self {
             name,
@@ -270,6 +274,7 @@ impl TargetConfig {
             heading,
             crowd,
             crossing,
+            measurements,
         })
     }
 
@@ -312,6 +317,29 @@ fn check_crossing(table: &Table, has_landmarks: bool, shared: Option<&Shared>) {
         _ => return,
     };
     table.problem("crossing", message);
+}
+
+/// Reads the file of what other sensors measure. A target of several bodies has none.
+fn read_measurements(
+    table: &Table,
+    has_bodies: bool,
+    shared: Option<&Shared>,
+) -> Option<Located<String>> {
+    let measurements = table
+        .key("measurements", "File of what other sensors measure of the target: positions, velocities, ranges and bearings in the world, each at a time of its own. Relative to this file.")
+        .depends("none")
+        .located()?;
+    let message = match shared {
+        _ if has_bodies => {
+            "does not say which landmark or member of a crowd is measured; remove it, or give one target for each"
+        }
+        Some(Shared::Initialized { .. }) => {
+            "needs a target that is searched for; remove the published cues and the start, or add edge = {}, or remove this"
+        }
+        _ => return Some(measurements),
+    };
+    table.problem("measurements", message);
+    None
 }
 
 /// Reads how many of the target there are; if any number, returns the most at once.
@@ -400,6 +428,17 @@ impl BodyConfig {
             | TrackingConfig::Boxed { particle_count, .. } => *particle_count,
             TrackingConfig::Initialized { filter, .. } => filter.particle_count,
         }
+    }
+
+    /// Returns whether its motion model has a velocity.
+    pub fn has_velocity(&self) -> bool {
+        let motion = match &self.tracking {
+            TrackingConfig::Detected { motion, .. } | TrackingConfig::Boxed { motion, .. } => {
+                motion
+            }
+            TrackingConfig::Initialized { filter, .. } => &filter.motion,
+        };
+        motion.orders() > 1
     }
 
     /// Returns the class of its boxes, if another program detects it.

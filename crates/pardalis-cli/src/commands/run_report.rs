@@ -2,6 +2,7 @@
 
 use pardalis::TargetId;
 
+use crate::measurements;
 use crate::numbers::counted;
 use crate::output::Shown;
 use crate::platforms;
@@ -109,6 +110,9 @@ pub(crate) fn warnings(run: &Run) -> String {
         let _ = writeln!(text, "{warning}");
     }
     for warning in platforms::warnings(&run.open.platforms, &run.open.tracker) {
+        let _ = writeln!(text, "{warning}");
+    }
+    for warning in measurements::warnings(&run.open.measurements, &run.open.tracker) {
         let _ = writeln!(text, "{warning}");
     }
     for warning in blind_cameras(run) {

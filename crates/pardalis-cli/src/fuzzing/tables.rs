@@ -8,6 +8,7 @@ use crate::commands::calibrate::observations::{Columns, read_table};
 use crate::commands::devices::formats::{best, formats_in};
 use crate::detections;
 use crate::fuzzed_file::{FILE, check_error};
+use crate::measurements;
 use crate::platforms;
 use crate::report::{json_of_tracks, poses_of};
 use crate::tables::{Series, Table, tracks_of, truth_of};
@@ -138,6 +139,21 @@ pub(super) fn poses(bytes: &[u8]) -> bool {
 
 pub(super) fn odometry(bytes: &[u8]) -> bool {
     motion(bytes, true)
+}
+
+/// Reads what other sensors measure.
+pub(super) fn measurements(bytes: &[u8]) -> bool {
+    let Some(rows) = read(bytes, measurements::rows_in) else {
+        return false;
+    };
+    for (measurement, line) in &rows {
+        assert!(measurement.time_s().is_finite() && *line > 1);
+        if let Some((position_m, covariance_m2)) = measurement.full_position(3) {
+            assert!(are_finite(Some(position_m)) && are_finite(Some(covariance_m2)));
+            assert!([0, 3, 5].iter().all(|&axis| covariance_m2[axis] > 0.0));
+        }
+    }
+    !rows.is_empty()
 }
 
 pub(super) fn detections(bytes: &[u8]) -> bool {

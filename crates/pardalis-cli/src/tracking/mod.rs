@@ -43,6 +43,7 @@ use crate::detections::Detections;
 use crate::draw::plots::TRACK_PLOTS;
 use crate::files::refuse_links;
 use crate::interrupt::{self, Stop};
+use crate::measurements;
 use crate::output::warn;
 use crate::platforms;
 use crate::report::{self, PageCamera, PageScene};
@@ -619,6 +620,11 @@ fn track(
 
         let watch = Stopwatch::start();
         if let Err(error) = platforms::tell(&mut open.platforms, &mut open.tracker, set.time_s) {
+            break Some(error);
+        }
+        if let Err(error) =
+            measurements::tell(&mut open.measurements, &mut open.tracker, set.time_s)
+        {
             break Some(error);
         }
         let tracked = match step(&mut open.tracker, &set) {

@@ -10,6 +10,7 @@ use super::agreement;
 use super::radius::EstimatedRadius;
 use super::{MissedFrames, Outcome, SeriesCollector};
 use crate::files::write_file;
+use crate::measurements;
 use crate::platforms;
 use crate::scene::OpenScene;
 
@@ -91,6 +92,10 @@ pub(crate) fn write(
         });
         if target.crowd.is_some() {
             entry["members"] = json!(series.crowds()[number]);
+        }
+        let id = TargetId::new(number);
+        if let Some(counts) = measurements::entry(&open.measurements, id, &open.tracker) {
+            entry["measurements"] = counts;
         }
         targets.insert(target.name.clone(), entry);
     }

@@ -115,11 +115,22 @@ impl BernoulliFilter {
     /// -∞ if all are impossible.
     pub(super) fn weight_new(&mut self) -> f64 {
         let log_weights = &mut self.new_particles.log_weights;
-        let mut greatest = f64::NEG_INFINITY;
         for (log_weight, &log_ratio) in log_weights.iter_mut().zip(&self.log_ratios) {
             // With +∞, weights could not be compared.
             *log_weight += f64::from(log_ratio.min(f32::MAX));
-            if log_ratio.is_nan() || log_weight.is_nan() {
+            if log_ratio.is_nan() {
+                *log_weight = f64::NEG_INFINITY;
+            }
+        }
+        self.normalise_new()
+    }
+
+    /// Normalises the new weights; those that are no numbers are impossible. Returns the logarithm of their sum; -∞ if all are impossible.
+    pub(super) fn normalise_new(&mut self) -> f64 {
+        let log_weights = &mut self.new_particles.log_weights;
+        let mut greatest = f64::NEG_INFINITY;
+        for log_weight in log_weights.iter_mut() {
+            if log_weight.is_nan() {
                 *log_weight = f64::NEG_INFINITY;
             }
             greatest = greatest.max(*log_weight);

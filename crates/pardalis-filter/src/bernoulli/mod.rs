@@ -9,10 +9,12 @@
 //! density of the whole mixture (Isard and Blake 1998, ICONDENSATION). Components therefore select positions
 //! without biasing the posterior. If few particles agree with the images, a moment-matched proposal replaces the
 //! predictions. Far from the predictions only positions at components are evaluated; the target is assumed not to
-//! be visible at others.
+//! be visible at others. Measurements of other sensors update position and velocity
+//! alone ([`BernoulliFilter::measure`]).
 
 mod draw;
 mod kinematics;
+mod measured;
 mod moment_matched;
 #[cfg(test)]
 mod oracle;
@@ -22,6 +24,7 @@ mod predicted_density;
 mod proposal;
 mod tuning;
 
+pub use measured::{MAX_AGO_S, Measured};
 pub use proposal::MeasurementComponent;
 pub use tuning::ProposalTuning;
 
@@ -269,6 +272,11 @@ impl BernoulliFilter {
         Ok(())
     }
 
+    /// Reports whether targets have a velocity.
+    pub fn has_velocity(&self) -> bool {
+        self.kinematics.has_velocity()
+    }
+
     /// Predicts by `dt_s` seconds; does nothing unless that is above 0. Several short steps equal one long step.
     pub fn predict(&mut self, dt_s: f64) {
         if dt_s > 0.0 {
@@ -358,6 +366,11 @@ impl BernoulliFilter {
         let log_absent = libm::log(prior.absent);
         self.existence = libm::exp(log_exists - log_add(log_exists, log_absent)).min(1.0);
         self.pending_s = 0.0;
+        self.take_new();
+    }
+
+    /// Replaces the particles by the new ones, whose weights are normalised.
+    fn take_new(&mut self) {
         self.likeliest = likeliest(&self.log_ratios, &self.new_particles.log_weights);
         std::mem::swap(&mut self.hypotheses, &mut self.new_hypotheses);
         std::mem::swap(&mut self.particles, &mut self.new_particles);

@@ -189,6 +189,20 @@ class Tracker:
         to_s: float,
         covariance: ArrayLike | None = None,
     ) -> str: ...
+    def observe_measurement(
+        self,
+        target: str,
+        time_s: float,
+        *,
+        position_m: Sequence[float | None] | None = None,
+        velocity_mps: Sequence[float | None] | None = None,
+        range_m: float | None = None,
+        direction: Sequence[float] | None = None,
+        from_m: Sequence[float] | None = None,
+        sigma: float | None = None,
+        covariance: Sequence[Sequence[float]] | None = None,
+    ) -> str: ...
+    def measurement_counts(self, target: str) -> dict[str, int]: ...
     def estimate(self, target: str, time_s: float | None = None) -> Estimate: ...
     def members(self, target: str, time_s: float | None = None) -> list[Estimate]: ...
     @property

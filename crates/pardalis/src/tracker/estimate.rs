@@ -10,7 +10,7 @@ pub enum TrackState {
     /// Visible in at least one camera.
     Tracking,
     /// Not visible in the latest frame of any camera (occluded, out of view or masked): the estimate is predicted by
-    /// the motion model alone.
+    /// the motion model and what other sensors measure.
     Occluded,
     /// No longer tracked, because its position has become too uncertain or impossible: there is no estimate.
     Lost,

@@ -19,7 +19,9 @@ mod ids;
 mod image_box;
 mod initialized;
 mod landmarks;
+mod measurements;
 mod member;
+mod other_sensors;
 mod settings;
 mod shown_colors;
 mod statistics;
@@ -36,6 +38,8 @@ pub use existence::{ExistenceSettings, OcclusionRates, Region};
 pub use frame_set::FrameSet;
 pub use ids::{CameraId, PlatformId, TargetId};
 pub use image_box::ImageBox;
+pub use measurements::{MeasurementCounts, ObservedMeasurement};
+pub use pardalis_filter::Measurement;
 pub use settings::{
     BodySettings, BoxedSettings, DetectedSettings, DetectorSettings, InitializedSettings,
     SizeTolerance, TargetSettings,
@@ -304,6 +308,7 @@ impl Tracker {
         let set = placed.as_ref().unwrap_or(set);
         let frames = set.numbered();
         self.prepare(set);
+        self.tell_platforms();
         for group in 0..self.groups.len() {
             self.step(group, set, dt_s);
         }

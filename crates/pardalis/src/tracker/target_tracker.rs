@@ -4,6 +4,7 @@ use super::boxed::BoxedTarget;
 use super::candidate::Candidate;
 use super::detected::{DetectedTarget, LookAlikes};
 use super::initialized::InitializedTarget;
+use super::measurements::Measurements;
 use super::settings::BodySettings;
 use super::statistics::ImageStatistics;
 use super::track::{Instant, Track};
@@ -107,6 +108,32 @@ impl TargetTracker {
             Self::Detected(target) => &mut target.track,
             Self::Initialized(target) => &mut target.track,
             Self::Boxed(target) => &mut target.track,
+        }
+    }
+
+    /// What other sensors measure of it. Nobody measures an initialised body.
+    pub(super) fn measurements(&self) -> Option<&Measurements> {
+        match self {
+            Self::Detected(target) => Some(&target.others),
+            Self::Boxed(target) => Some(&target.others),
+            Self::Initialized(_) => None,
+        }
+    }
+
+    pub(super) fn measurements_mut(&mut self) -> Option<&mut Measurements> {
+        match self {
+            Self::Detected(target) => Some(&mut target.others),
+            Self::Boxed(target) => Some(&mut target.others),
+            Self::Initialized(_) => None,
+        }
+    }
+
+    /// Whether its motion model has a velocity that can be measured.
+    pub(super) fn has_velocity(&self) -> bool {
+        match self {
+            Self::Detected(target) => target.has_velocity(),
+            Self::Boxed(target) => target.has_velocity(),
+            Self::Initialized(_) => false,
         }
     }
 

@@ -16,6 +16,7 @@ mod locate_bias;
 mod merged;
 mod moving;
 mod no_io;
+mod other_sensors;
 mod rectify;
 mod rolling_shutter;
 mod seek;

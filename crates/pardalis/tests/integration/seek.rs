@@ -22,17 +22,17 @@ fn tracker_with(edge: EdgeSettings, seed: u32) -> Tracker {
     Tracker::new(views, vec![detected(edge)], seed, Level::best()).unwrap()
 }
 
-fn tracker(seed: u32) -> Tracker {
+pub(crate) fn tracker(seed: u32) -> Tracker {
     tracker_with(EdgeSettings::default(), seed)
 }
 
-fn truth_m(index: usize) -> [f64; 3] {
+pub(crate) fn truth_m(index: usize) -> [f64; 3] {
     let table = std::fs::read_to_string(data("dioptric-jump/truth.csv")).unwrap();
     let row: Vec<&str> = table.lines().nth(index + 1).unwrap().split(',').collect();
     [4, 5, 6].map(|column| row[column].parse().unwrap())
 }
 
-fn as_frame(picture: &RgbImage, index: usize, format: PixelFormat) -> Frame {
+pub(crate) fn as_frame(picture: &RgbImage, index: usize, format: PixelFormat) -> Frame {
     frame(picture, format, YuvEncoding::default(), index as f64 / FPS)
 }
 
@@ -46,7 +46,7 @@ fn track(tracker: &mut Tracker, frames: impl IntoIterator<Item = Frame>) -> Vec<
     frames.into_iter().map(step).collect()
 }
 
-fn error_m(estimate: &Estimate, index: usize) -> f64 {
+pub(crate) fn error_m(estimate: &Estimate, index: usize) -> f64 {
     let found_m = estimate.kinematics.expect("an estimate").position_m;
     let squares = found_m
         .iter()
@@ -56,7 +56,7 @@ fn error_m(estimate: &Estimate, index: usize) -> f64 {
 }
 
 /// Returns a picture of the sequence with the ball and its surroundings painted over in grey.
-fn covered(index: usize) -> RgbImage {
+pub(crate) fn covered(index: usize) -> RgbImage {
     let mut picture = jump_picture(index);
     let view = fisheye_view();
     let position_m = nalgebra::Point3::from(truth_m(index));

@@ -86,7 +86,7 @@ fn dt_s(step: usize) -> f64 {
 
 /// Checks that the mean over seeds agrees with the exact value within a number of standard errors; returns the
 /// scatter of single runs in posterior standard deviations over √N.
-fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str) -> f64 {
+pub(super) fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str) -> f64 {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let scatter = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();

@@ -5,6 +5,7 @@ mod best;
 mod evidence;
 mod faults;
 mod kalman;
+mod other_sensors;
 
 use std::f64::consts::PI;
 

@@ -13,6 +13,7 @@ use super::candidate::Candidate;
 use super::detected::{LookAlikes, Visibility};
 use super::existence::ExistenceSettings;
 use super::image_box::CameraBoxes;
+use super::measurements::{Measurements, Standing};
 use super::member::Member;
 use super::settings::{BoxedSettings, DetectorSettings};
 use super::track::{Instant, Track, mean_log_ratio};
@@ -35,6 +36,8 @@ const SHARED_SHARE: f64 = 0.5;
 /// A body that is tracked by boxes.
 pub(super) struct BoxedTarget {
     pub(super) track: Track,
+    /// What other sensors measure.
+    pub(super) others: Measurements,
     /// The number of the target whose boxes are its own.
     target: usize,
     start: Option<GaussianStart>,
@@ -117,6 +120,7 @@ impl BoxedTarget {
         filter.velocity_jump_sigma_mps = existence.velocity_jump_sigma_mps;
         Ok(Self {
             track: Track::new(views.len()),
+            others: Measurements::default(),
             target,
             start: settings.start,
             body,
@@ -159,15 +163,36 @@ impl BoxedTarget {
     pub(super) fn predict(&mut self, time_s: f64, dt_s: f64) {
         if let Some((start, since_s)) = self.track.take_reinitialization() {
             self.begin(&start, 1.0);
-            self.filter.predict((time_s - since_s).max(0.0));
+            self.advance(time_s, (time_s - since_s).max(0.0));
         } else if self.track.has_started() {
-            self.filter.predict(dt_s);
+            self.advance(time_s, dt_s);
         } else if let Some(start) = self.start {
             self.begin(&start, 1.0);
+            self.advance(time_s, 0.0);
         } else {
             self.filter.predict(FIRST_S);
+            self.advance(time_s, 0.0);
         }
         self.track.set_started();
+    }
+
+    /// Predicts by `dt_s` seconds to a time in seconds, with what other sensors measured meanwhile.
+    fn advance(&mut self, time_s: f64, dt_s: f64) {
+        let mut shared_m2 = [0.0; 6];
+        self.add_shared(&mut shared_m2);
+        let standing = Standing {
+            is_known: self.track.is_known(),
+            shared_m2,
+            ground_z_m: self.body.ground_z_m,
+            birth_velocity_sigma_mps: self.tuning.birth_velocity_sigma_mps,
+        };
+        self.others
+            .advance(&mut self.filter, (time_s, dt_s), &standing);
+    }
+
+    /// Whether its motion model has a velocity.
+    pub(super) fn has_velocity(&self) -> bool {
+        self.filter.has_velocity()
     }
 
     /// Updates what was predicted with the boxes of one instant.
@@ -295,6 +320,7 @@ impl BoxedTarget {
         self.found = None;
         self.drift_m = Vector3::zeros();
         self.near_m = self.body.diameter_m;
+        self.others.clear();
         self.start = None;
         self.buffers.time_s = None;
         self.candidates.clear();

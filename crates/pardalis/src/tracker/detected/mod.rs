@@ -15,6 +15,7 @@ mod heading;
 mod look_alikes;
 mod measurement;
 mod member;
+mod other_sensors;
 mod size;
 mod streaks;
 #[cfg(test)]
@@ -31,6 +32,7 @@ use nalgebra::Vector3;
 use super::camera_agreement::ComparisonSums;
 use super::candidate::{Candidate, Verdict};
 use super::existence::ExistenceSettings;
+use super::measurements::Measurements;
 use super::member::Member;
 use super::settings::DetectedSettings;
 use super::statistics::ImageStatistics;
@@ -64,6 +66,8 @@ use update::{Measurement, update};
 /// A body that the tracker detects itself.
 pub(super) struct DetectedTarget {
     pub(super) track: Track,
+    /// What other sensors measure.
+    pub(super) others: Measurements,
     start: Option<GaussianStart>,
     shape: Shape,
     is_planar: bool,
@@ -166,6 +170,7 @@ impl DetectedTarget {
         let period_rad = shape.turn_period_rad().filter(|_| settings.turns);
         Ok(Self {
             track: Track::new(views.len()),
+            others: Measurements::default(),
             start: settings.start,
             shape,
             is_planar,
@@ -266,14 +271,16 @@ impl DetectedTarget {
         }
         if let Some((start, since_s)) = self.track.take_reinitialization() {
             self.begin(&start, 1.0);
-            self.filter.predict((time_s - since_s).max(0.0));
+            self.advance(time_s, (time_s - since_s).max(0.0));
         } else if self.track.has_started() {
-            self.filter.predict(dt_s);
+            self.advance(time_s, dt_s);
         } else if let Some(start) = self.start {
             self.begin(&start, 1.0);
+            self.advance(time_s, 0.0);
         } else {
             self.filter
                 .predict(self.tuning.existence.time_before_start_s);
+            self.advance(time_s, 0.0);
         }
         self.track.set_started();
     }
@@ -629,6 +636,7 @@ impl DetectedTarget {
         self.agreement.reset(&self.tuning.agreement);
         self.challenge.reset();
         self.outline = Outline::default();
+        self.others.clear();
         self.start = None;
         self.detector.exposures = Exposures::default();
         self.clutter_seen = 0.0;
