@@ -42,10 +42,6 @@ impl Images {
         match *self {}
     }
 
-    pub(crate) fn is_cut_off(&self) -> bool {
-        match *self {}
-    }
-
     pub(crate) fn name(&self) -> String {
         match *self {}
     }
@@ -57,6 +53,10 @@ impl Iterator for Images {
     fn next(&mut self) -> Option<Self::Item> {
         match *self {}
     }
+}
+
+pub(crate) fn is_cut_off(_: &Path) -> bool {
+    false
 }
 
 pub(crate) fn image_topics(path: &Path) -> Result<Vec<(String, String)>, String> {

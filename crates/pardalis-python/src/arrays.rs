@@ -77,13 +77,11 @@ impl<'py, const N: usize> Rows<'py, N> {
     /// The points: those of the array itself, or copies if they are elsewhere in memory one by one, as in views.
     pub(crate) fn get(&self) -> Cow<'_, [[f64; N]]> {
         let points = self.0.as_array();
-        match points.to_slice() {
-            Some(numbers) => Cow::Borrowed(numbers.as_chunks().0),
-            None => {
-                let rows = points.rows().into_iter();
-                Cow::Owned(rows.map(|row| std::array::from_fn(|i| row[i])).collect())
-            }
+        if let Some(numbers) = points.to_slice() {
+            return Cow::Borrowed(numbers.as_chunks().0);
         }
+        let rows = points.rows().into_iter();
+        Cow::Owned(rows.map(|row| std::array::from_fn(|i| row[i])).collect())
     }
 }
 

@@ -13,12 +13,14 @@ use common::{
     fisheye_view, frame, jump_picture, set_of,
 };
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use pardalis::color::{ColorModel, Palette, PixelKind, PixelTable, YuvEncoding};
 use pardalis::likelihood::{ContourSettings, Cue, Cues};
 use pardalis::reference;
 use pardalis::shape::{Shape, Sphere, SphereOutline};
-use pardalis::tracker::{DetectedSettings, TrackState};
+use pardalis::tracker::{
+    BoxedSettings, DetectedSettings, DetectorSettings, ImageBox, TargetSettings, TrackState,
+};
 use pardalis::view::View;
 use pardalis::{CameraId, Estimate, Frame, FrameSet, PixelFormat, TargetId, Tracker};
 use pardalis_camera::CalibratedCamera;
@@ -179,14 +181,36 @@ fn whole_steps(criterion: &mut Criterion) {
     }
 }
 
-/// A tracker with the default settings that has processed a sequence, and the frames on which it is timed repeatedly.
+/// A tracker with the default settings that has processed a sequence, and what it is timed on repeatedly.
 struct DefaultScene {
     name: &'static str,
     tracker: Tracker,
-    frames: Vec<(CameraId, Frame)>,
-    /// Position of the ball in these frames, metres.
+    seen: Seen,
+    /// Position of the ball there, metres.
     truth_m: Vector3<f64>,
     time_s: f64,
+}
+
+/// What the cameras show at one instant: frames, boxes of a detector, or both.
+struct Seen {
+    frames: Vec<(CameraId, Frame)>,
+    boxes: Vec<(CameraId, ImageBox)>,
+}
+
+impl Seen {
+    fn at(&self, time_s: f64) -> FrameSet {
+        let frames = self.frames.iter();
+        let frames = frames.map(|(camera, frame)| (*camera, frame.with_time_s(time_s).unwrap()));
+        let set = match self.frames[..] {
+            [] => FrameSet::without_frames(time_s),
+            _ => FrameSet::new(frames),
+        };
+        let boxes = self.boxes.iter();
+        boxes.fold(set.unwrap(), |set, (camera, found)| {
+            set.with_boxes(*camera, TargetId::new(0), vec![*found])
+                .unwrap()
+        })
+    }
 }
 
 /// Index of the picture on which default steps are timed.
@@ -194,35 +218,38 @@ const TIMED: usize = 11;
 /// Maximum error of the estimates of default steps, metres.
 const MAX_ERROR_M: f64 = 0.03;
 
-/// Returns the true position of the ball in the timed picture of a sequence.
-fn timed_truth_m(sequence: &str) -> Vector3<f64> {
+/// Returns the true positions of the ball in the pictures of a sequence up to the timed one.
+fn truth_m(sequence: &str) -> Vec<Vector3<f64>> {
     let table = std::fs::read_to_string(data(&format!("{sequence}/truth.csv"))).unwrap();
     let rows = table.lines().map(|row| row.split(',').collect::<Vec<_>>());
-    let row = rows.skip(1).find(|row| row[0] == TIMED.to_string());
-    let row = row.expect("the truth has the timed picture");
-    Vector3::from([4, 5, 6].map(|column| row[column].parse().unwrap()))
+    let rows: Vec<_> = rows.skip(1).collect();
+    let of = |index: usize| {
+        let row = rows.iter().find(|row| row[0] == index.to_string());
+        let row = row.expect("the truth has the picture");
+        Vector3::from([4, 5, 6].map(|column| row[column].parse().unwrap()))
+    };
+    (0..=TIMED).map(of).collect()
 }
 
 impl DefaultScene {
     fn new(
         name: &'static str,
         views: Vec<View>,
-        ball: DetectedSettings,
+        ball: impl Into<TargetSettings>,
         truth_m: Vector3<f64>,
-        frames_of: impl Fn(usize) -> Vec<(CameraId, Frame)>,
+        seen_in: impl Fn(usize) -> Seen,
     ) -> Self {
-        let mut tracker = Tracker::new(views, [ball], 1, Level::best()).unwrap();
+        let mut tracker = Tracker::new(views, [ball.into()], 1, Level::best()).unwrap();
         for index in 0..TIMED {
-            let set = FrameSet::new(frames_of(index)).unwrap();
+            let set = seen_in(index).at(index as f64 / FPS);
             tracker.observe(&set).unwrap();
         }
-        let frames = frames_of(TIMED);
         let mut scene = Self {
             name,
             tracker,
-            time_s: frames[0].1.time_s() - 1.0 / FPS,
-            frames,
+            seen: seen_in(TIMED),
             truth_m,
+            time_s: (TIMED - 1) as f64 / FPS,
         };
         // Enough steps for searches of whole images to correct the track.
         for _ in 0..25 {
@@ -232,13 +259,10 @@ impl DefaultScene {
         scene
     }
 
-    /// Performs one step with the frames at the next instant.
+    /// Performs one step with the same images or boxes at the next instant.
     fn step(&mut self) -> Estimate {
         self.time_s += 1.0 / FPS;
-        let frames = self.frames.iter();
-        let frames =
-            frames.map(|(camera, frame)| (*camera, frame.with_time_s(self.time_s).unwrap()));
-        let set = FrameSet::new(frames).unwrap();
+        let set = self.seen.at(self.time_s);
         self.tracker.observe(black_box(&set)).unwrap();
         let target = TargetId::new(0);
         self.tracker.estimate_at(target, self.time_s).unwrap()
@@ -255,47 +279,91 @@ impl DefaultScene {
 
     /// The default path on one ball in the fisheye camera.
     fn fisheye() -> Self {
-        let truth_m = timed_truth_m("dioptric-jump");
+        let truth_m = truth_m("dioptric-jump")[TIMED];
         let views = vec![fisheye_view()];
         Self::new("fisheye", views, detected_ball(), truth_m, |index| {
             let time_s = index as f64 / FPS;
             let format = PixelFormat::Rgb8;
             let frame = frame(&jump_picture(index), format, YuvEncoding::default(), time_s);
-            vec![(CameraId::new(0), frame)]
+            Seen {
+                frames: vec![(CameraId::new(0), frame)],
+                boxes: Vec::new(),
+            }
         })
     }
 
-    /// The default path on one ball in two webcams.
-    fn webcams() -> Self {
+    /// The default path on one ball in two webcams, the same with boxes of a detector, and with boxes in place of images and colours.
+    fn webcams() -> [Self; 3] {
+        let colors = data("colors/pink-ball.hsi.colors.toml");
+        let colors = ColorModel::from_text(&std::fs::read_to_string(colors).unwrap()).unwrap();
+        let ball = Sphere::new(WEBCAM_RADIUS_M, SphereOutline::Tangent).unwrap();
+        let boxed = BoxedSettings::new(Shape::Sphere(ball));
+        let detected = DetectedSettings::new(Shape::Sphere(ball), colors);
+        let mut beside = detected.clone();
+        beside.detector = Some(DetectorSettings::default());
+        [
+            Self::of_webcams("webcams", detected, (true, false)),
+            Self::of_webcams("webcams-boxes-beside", beside, (true, true)),
+            Self::of_webcams("webcams-boxes", boxed, (false, true)),
+        ]
+    }
+
+    fn of_webcams(
+        name: &'static str,
+        ball: impl Into<TargetSettings>,
+        (has_frames, has_boxes): (bool, bool),
+    ) -> Self {
         let calibration = std::fs::read_to_string(data("webcams-two/cameras.json")).unwrap();
         let cameras = pardalis_camera::formats::read(&calibration, None).unwrap();
         let view = |camera: &CalibratedCamera| {
             let (pose, size) = (camera.world_from_camera.unwrap(), camera.size_px.unwrap());
             View::new(camera.camera.clone(), pose, size, None).unwrap()
         };
-        let colors = data("colors/pink-ball.hsi.colors.toml");
-        let colors = ColorModel::from_text(&std::fs::read_to_string(colors).unwrap()).unwrap();
-        let ball = Sphere::new(0.035, SphereOutline::Tangent).unwrap();
-        let ball = DetectedSettings::new(Shape::Sphere(ball), colors);
-        let views = cameras.iter().map(view).collect();
-        let truth_m = timed_truth_m("webcams-two");
-        Self::new("webcams", views, ball, truth_m, |index| {
-            let of_camera = |camera: usize| {
-                let name = format!("webcams-two/frames/cam{}/{index:06}.jpg", camera + 1);
-                let picture = common::open(&name);
-                let time_s = index as f64 / 25.0;
-                let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s);
-                (CameraId::new(camera), frame)
-            };
-            [0, 1].map(of_camera).to_vec()
-        })
+        let views: Vec<View> = cameras.iter().map(view).collect();
+        let truth_m = truth_m("webcams-two");
+        let frame_of = |camera: usize, index: usize| {
+            let name = format!("webcams-two/frames/cam{}/{index:06}.jpg", camera + 1);
+            let (picture, time_s) = (common::open(&name), index as f64 / FPS);
+            let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s);
+            (CameraId::new(camera), frame)
+        };
+        let box_of = |camera: usize, index: usize| {
+            (
+                CameraId::new(camera),
+                box_of(&views[camera], truth_m[index]),
+            )
+        };
+        let numbers = |is_there: bool| 0..if is_there { views.len() } else { 0 };
+        let seen_in = |index| Seen {
+            frames: numbers(has_frames).map(|c| frame_of(c, index)).collect(),
+            boxes: numbers(has_boxes).map(|c| box_of(c, index)).collect(),
+        };
+        Self::new(name, views.clone(), ball, truth_m[TIMED], seen_in)
     }
+}
+
+/// Radius of the ball before the webcams, metres.
+const WEBCAM_RADIUS_M: f64 = 0.035;
+
+/// Returns the box of the ball before a webcam at a place in the world, metres.
+fn box_of(view: &View, place_m: Vector3<f64>) -> ImageBox {
+    let in_camera = view.camera_from_world() * Point3::from(place_m);
+    let pixel = |x: f64, y: f64| {
+        let edge = in_camera + Vector3::new(x, y, 0.0);
+        view.camera()
+            .project(edge.into())
+            .expect("the ball is in view")
+    };
+    let [left, top] = pixel(-WEBCAM_RADIUS_M, -WEBCAM_RADIUS_M);
+    let [right, bottom] = pixel(WEBCAM_RADIUS_M, WEBCAM_RADIUS_M);
+    ImageBox::new([left, top, right, bottom]).unwrap()
 }
 
 /// Times default steps: detection, association, update, visibility and adaptation. At least one step in ten searches
 /// whole images.
 fn default_steps(criterion: &mut Criterion) {
-    for mut scene in [DefaultScene::fisheye(), DefaultScene::webcams()] {
+    let scenes = DefaultScene::webcams().into_iter();
+    for mut scene in scenes.chain([DefaultScene::fisheye()]) {
         criterion.bench_function(&format!("step/default/{}", scene.name), |bencher| {
             bencher.iter(|| scene.step());
         });

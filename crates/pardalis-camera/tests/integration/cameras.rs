@@ -447,15 +447,12 @@ fn rows_yield_the_pixels_of_single_points_in_double_precision() {
             camera.project_rows(level, &camera_from_world, &points_m, &mut pixels);
             for (point_m, pixel) in points_m.iter().zip(&pixels) {
                 let in_camera = camera_from_world * Point3::from(*point_m);
-                match camera.project(in_camera.into()) {
-                    Some(expected) => {
-                        assert_eq!(*pixel, expected, "{}", example.name);
-                        inside += 1;
-                    }
-                    None => {
-                        assert!(pixel.iter().all(|c| c.is_nan()), "{}", example.name);
-                        outside += 1;
-                    }
+                if let Some(expected) = camera.project(in_camera.into()) {
+                    assert_eq!(*pixel, expected, "{}", example.name);
+                    inside += 1;
+                } else {
+                    assert!(pixel.iter().all(|c| c.is_nan()), "{}", example.name);
+                    outside += 1;
                 }
             }
         }

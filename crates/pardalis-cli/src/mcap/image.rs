@@ -13,7 +13,7 @@ use pardalis_scene::FrameRange;
 use serde::de::DeserializeOwned;
 
 use super::pixels::{Pixels, compressed, raw};
-use super::reader::{Messages, channels, is_cut_off, summary};
+use super::reader::{Messages, channels, summary};
 use super::{kind_of, ros2};
 use crate::output::Shown;
 use crate::user_error::user_error;
@@ -200,11 +200,6 @@ impl Images {
     /// Returns the times of the first image and of the end of the recording in seconds, if it states the latter.
     pub(crate) fn span_s(&self) -> Option<(f64, f64)> {
         self.span_s
-    }
-
-    /// Reports whether the recording lacks its end.
-    pub(crate) fn is_cut_off(&self) -> bool {
-        is_cut_off(&self.path)
     }
 
     /// Returns the recording and the topic, for messages.

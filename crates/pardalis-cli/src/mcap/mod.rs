@@ -17,6 +17,7 @@ use pardalis_camera::formats::Lens;
 use crate::output::Shown;
 
 pub(crate) use image::Images;
+pub(crate) use reader::is_cut_off;
 
 /// Encoding of messages and name of their schema.
 fn kind_of<'a>(channel: &'a mcap::Channel) -> (&'a str, &'a str) {

@@ -354,7 +354,7 @@ pub(super) fn summary(path: &Path) -> Option<Summary> {
 }
 
 /// Reports whether a recording lacks its end, because it was cut off or is still being written.
-pub(super) fn is_cut_off(path: &Path) -> bool {
+pub(crate) fn is_cut_off(path: &Path) -> bool {
     let mut end = [0; mcap::MAGIC.len()];
     let read = File::open(path).and_then(|mut file| {
         file.seek(SeekFrom::End(-(mcap::MAGIC.len() as i64)))?;

@@ -6,10 +6,9 @@ use anyhow::Result;
 use pardalis_scene::FrameRange;
 
 use super::{Description, Pixels, TimeSpan, TimedBytes};
-use crate::mcap::Images;
+use crate::mcap::{Images, is_cut_off};
 
-/// Opens the images of a topic, or of the only one with images. Returns them with their description, their time span if it is known, and what the user
-/// should know.
+/// Opens the images of a topic, or of the only one with images. Returns them with their description and their time span, if they are known.
 pub(super) fn open(
     file: &Path,
     topic: Option<&str>,
@@ -17,7 +16,6 @@ pub(super) fn open(
 ) -> Result<(
     Description,
     Option<TimeSpan>,
-    Option<&'static str>,
     impl Iterator<Item = Result<Pixels>> + Send + use<>,
 )> {
     let images = Images::open(file, topic, range)?;
@@ -38,9 +36,6 @@ pub(super) fn open(
             step_s: (steps > 0).then(|| (last_s - first_s) / steps as f64),
         }
     });
-    let warning = images.is_cut_off().then_some(
-        "the recording is cut off: it has no end, or is still being written; its images up to there are used (`mcap recover` repairs it)",
-    );
     let frames = images.map(|image| {
         Ok(match image? {
             Ok(image) => Pixels::Frame(TimedBytes {
@@ -51,5 +46,13 @@ pub(super) fn open(
             Err(error) => Pixels::Broken(error),
         })
     });
-    Ok((description, span, warning, frames))
+    Ok((description, span, frames))
+}
+
+/// Returns what the user should know although the recording opens.
+pub(super) fn warning(file: &Path) -> Option<String> {
+    is_cut_off(file).then(|| {
+        "the recording is cut off: it has no end, or is still being written; its images up to there are used (`mcap recover` repairs it)"
+            .to_owned()
+    })
 }

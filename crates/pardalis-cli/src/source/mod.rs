@@ -248,11 +248,11 @@ impl Source {
             }
             SourceKind::Mcap { file, topic } => {
                 let opened = mcap::open(file, topic.as_deref(), config.frames);
-                let (description, span, warning, frames) = opened?;
+                let (description, span, frames) = opened?;
                 let offset_s = config.time_offset_s;
                 let mut source = Self::start(description, Clock::Recorded, offset_s, frames)?;
                 source.span = span.map(|span| span.moved(offset_s));
-                source.warning = warning.map(str::to_owned);
+                source.warning = mcap::warning(file);
                 Ok(source)
             }
             SourceKind::Video { video, encoding } => {
