@@ -38,7 +38,7 @@ impl MeasurementRows {
     pub(crate) fn read(path: &Path, number: usize, target: &TargetConfig) -> Result<Self> {
         let table = Table::read(path)?;
         let mut rows = rows_in(&table)?;
-        let has_velocity = target.bodies.iter().all(|body| body.has_velocity());
+        let has_velocity = target.bodies.iter().all(BodyConfig::has_velocity);
         let of_velocity = rows.iter().find(|(row, _)| row.is_of_velocity());
         if let Some((_, line)) = of_velocity.filter(|_| !has_velocity) {
             return Err(user_error!(
@@ -134,6 +134,9 @@ pub(crate) fn entry(all: &[MeasurementRows], target: TargetId, tracker: &Tracker
     }))
 }
 
+/// The coordinates of a vector, of which some may be missing, and its covariance (xx, xy, xz, yy, yz, zz).
+type Vector = ([Option<f64>; 3], [f64; 6]);
+
 /// The columns of a vector of which coordinates may be missing, with those of its errors.
 struct VectorColumns<'n> {
     coordinates: [Option<Column<'n>>; 3],
@@ -145,7 +148,7 @@ struct VectorColumns<'n> {
 
 impl VectorColumns<'_> {
     /// Reads the coordinates with their covariance; `None` if all cells are empty.
-    fn read(&self, row: &Row) -> Result<Option<([Option<f64>; 3], [f64; 6])>> {
+    fn read(&self, row: &Row) -> Result<Option<Vector>> {
         let mut values = [None; 3];
         for (value, column) in values.iter_mut().zip(self.coordinates) {
             *value = row.optional_number(column)?;

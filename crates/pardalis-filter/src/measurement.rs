@@ -1,6 +1,6 @@
 //! Measurements of other sensors than cameras: a position, a velocity, a range or a bearing, each with its uncertainty and a time of its own.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, RowVector3, Vector3};
 
 use crate::gaussian::MAX_START;
 use pardalis_core::Error;
@@ -140,7 +140,7 @@ impl Measurement {
         let axis = Vector3::from_fn(|i, _| f64::from(i == direction.iamin()));
         let first = direction.cross(&axis).normalize();
         let second = direction.cross(&first);
-        let rows = [first.transpose(), second.transpose(), Default::default()];
+        let rows = [first.transpose(), second.transpose(), RowVector3::zeros()];
         let quantity = Quantity::Bearing {
             from_m: checked("from_m", from_m)?,
             direction,

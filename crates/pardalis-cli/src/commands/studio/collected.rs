@@ -121,12 +121,11 @@ impl Collected {
         let (corners, reason) = match found {
             Err(reason) => (Vec::new(), Some(Reason::NotFound(reason))),
             Ok(corners) => {
-                let added = match time_s {
-                    Some(time_s) => collection.offer(time_s, &corners),
-                    None => {
-                        collection.add(&corners);
-                        Ok(())
-                    }
+                let added = if let Some(time_s) = time_s {
+                    collection.offer(time_s, &corners)
+                } else {
+                    collection.add(&corners);
+                    Ok(())
                 };
                 (corners, added.err().map(Reason::NotAdded))
             }
