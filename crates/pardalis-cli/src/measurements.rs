@@ -6,7 +6,7 @@ use anyhow::Result;
 use pardalis::tracker::{Measurement, MeasurementCounts};
 use pardalis::{TargetId, Tracker};
 use pardalis_core::Error;
-use pardalis_scene::TargetConfig;
+use pardalis_scene::{BodyConfig, TargetConfig};
 use serde_json::{Value, json};
 
 use crate::numbers::counted;

@@ -65,7 +65,7 @@ fn rmse_m(estimates: &[Estimate], frames: std::ops::Range<usize>) -> f64 {
 #[test]
 fn a_sensor_keeps_a_ball_that_no_camera_sees() {
     let is_hidden = |index: usize| (8..24).contains(&index);
-    let every_third = |index: usize| (index % 3 == 0).then(|| place(index, 0.03, 0.0));
+    let every_third = |index: usize| index.is_multiple_of(3).then(|| place(index, 0.03, 0.0));
     let (tracker, with) = run(24, is_hidden, every_third);
     let (_, without) = run(24, is_hidden, |_| None);
     for (index, estimate) in with.iter().enumerate().skip(9) {
@@ -76,9 +76,11 @@ fn a_sensor_keeps_a_ball_that_no_camera_sees() {
     // Alone, the prediction goes astray, or the ball is given up.
     let alone = |(index, estimate): (usize, &Estimate)| {
         let known = estimate.kinematics.is_some();
-        known
-            .then(|| error_m(estimate, index))
-            .unwrap_or(f64::INFINITY)
+        if known {
+            error_m(estimate, index)
+        } else {
+            f64::INFINITY
+        }
     };
     let last = without.iter().enumerate().map(alone).next_back().unwrap();
     assert!(last > 2.0 * error_m(&with[23], 23), "{last}");

@@ -212,6 +212,7 @@ fn check_against_samples(
     log_likelihood: impl Fn(Vector3<f64>) -> f64,
     [most_off, most_wide]: [f64; 2],
 ) {
+    const SEEDS: u32 = 40;
     let mut prior = Naive::new();
     prior.predict(0.3);
     let factor = prior.covariance.clone().cholesky().unwrap().l();
@@ -230,7 +231,6 @@ fn check_against_samples(
     }
     let (mean, speed) = (mean / sum, speed / sum);
     let covariance = square / sum - mean * mean.transpose();
-    const SEEDS: u32 = 40;
     let (mut found, mut total, mut found_speed) =
         (Vector3::zeros(), Matrix3::zeros(), Vector3::zeros());
     for seed in 0..SEEDS {
