@@ -10,7 +10,7 @@ use pardalis_filter::Measurement;
 impl Tracker {
     /// Takes what another sensor measures of a target: a position, a velocity, a range or a bearing, at a time of its own.
     ///
-    /// It is taken into account with the next frame set at its time or after it, [`FrameSet::without_frames`] included, in the order of time. Of what is older than the latest frame
+    /// It is taken into account with the next frame set at its time or after it, [`FrameSet::without_frames`](super::FrameSet::without_frames) included, in the order of time. Of what is older than the latest frame
     /// set, positions, ranges and bearings of the last 0.1 s are used, too.
     ///
     /// A measurement says where the target is, and not whether it exists: cameras find it and decide that it is lost. As long as it is occluded, measurements keep it. While it is
