@@ -187,7 +187,7 @@ mod tests {
     }
 
     fn range(time_s: f64) -> Measurement {
-        Measurement::range(time_s, [2.0, 0.0, 0.0], 2.0 - time_s, 0.05).unwrap()
+        Measurement::range(time_s, [2.0, 0.0, 0.0], 1.95, 0.05).unwrap()
     }
 
     fn place(time_s: f64, x_m: f64) -> Measurement {
