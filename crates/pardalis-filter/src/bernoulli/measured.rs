@@ -19,6 +19,9 @@ const GATES: [f64; 3] = [10.828, 13.816, 16.266];
 /// How old a measurement may be, seconds. Hand-set: by then a thrown body is where its velocity leads to a few centimetres.
 pub const MAX_AGO_S: f64 = 0.1;
 
+/// Times this close are the same, seconds. Derivation: rounding of times of years.
+const SAME_TIME_S: f64 = 1e-6;
+
 /// What became of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Measured {
@@ -121,7 +124,7 @@ impl BernoulliFilter {
         if self.located() == 0.0 {
             return Measured::NoTarget;
         }
-        let ago_s = ago_s.max(0.0);
+        let ago_s = if ago_s > SAME_TIME_S { ago_s } else { 0.0 };
         if ago_s > MAX_AGO_S || measurement.is_of_velocity() && ago_s > 0.0 {
             return Measured::Late;
         }
