@@ -34,9 +34,6 @@ const SET_BACK_S: f64 = 1.0;
 /// seconds. Frames that a slow camera lost while a network held back the others do not look so far ahead.
 const SET_FORWARD_S: f64 = 5.0;
 
-/// How long after a camera's clock was set its frames show how late the first of them was, in seconds. Hand-set: within seconds, one is as quick as usual.
-const SETTLING_S: f64 = 10.0;
-
 /// Number of jumps of a camera's clock that are reported; all are counted.
 const NAMED_JUMPS: usize = 3;
 
@@ -154,8 +151,6 @@ struct SteadyClock {
     last_s: Option<f64>,
     /// The times and arrivals of frames.
     arrivals: CaptureClock,
-    /// After a jump: that before it, and until when it says how late frames are, on the clock of arrivals in seconds.
-    settling: Option<(CaptureClock, f64)>,
     /// Whether the next frame is the first after a failure.
     is_reopened: bool,
 }
@@ -177,16 +172,7 @@ impl SteadyClock {
                 jump_s = (!self.is_reopened).then_some(time_s - expected_s);
                 self.offset_s = expected_s - stamp_s;
                 time_s = expected_s;
-                self.settling = Some((self.arrivals.clone(), arrival_s + SETTLING_S));
             }
-        }
-        // The first frame after the jump may have been late. Its delay would stay an error of all later times: other cameras would seem to lag behind.
-        self.settling.take_if(|(_, until_s)| arrival_s > *until_s);
-        if let Some((before, _)) = &self.settling
-            && let Some(latest_s) = before.stamp_s(arrival_s).filter(|s| *s < time_s)
-        {
-            self.offset_s -= time_s - latest_s;
-            time_s = latest_s;
         }
         self.is_reopened = false;
         self.last_s = Some(time_s);
@@ -337,33 +323,13 @@ mod tests {
             let mut clock = SteadyClock::default();
             assert_eq!(clock.time_at_s(104.0, 50.0), (104.0, None));
             clock.is_reopened = true;
-            let times_s = [(after_s[0], 53.25), (after_s[1], 53.35)];
+            let times_s = [(after_s[0], 53.25), (after_s[1], 53.25)];
             for ((stamp_s, arrival_s), wanted_s) in times_s.into_iter().zip(wanted_s) {
                 let (found_s, jump_s) = clock.time_at_s(stamp_s, arrival_s);
                 assert!((found_s - wanted_s).abs() < 1e-9, "{found_s} {wanted_s}");
                 assert_eq!(jump_s, None);
             }
         }
-    }
-
-    #[test]
-    fn a_late_frame_after_a_jump_does_not_make_all_times_late() {
-        let mut clock = SteadyClock::default();
-        clock.time_at_s(100.0, 50.0);
-        // The first three frames come 200, 110 and 20 ms late, and the others in time.
-        let frames = [
-            (3700.0, 50.3),
-            (3700.1, 50.31),
-            (3700.2, 50.32),
-            (3700.3, 50.4),
-            (3700.4, 50.5),
-            (3720.0, 70.1),
-        ];
-        let times_s = frames.map(|(stamp_s, arrival_s)| clock.time_at_s(stamp_s, arrival_s).0);
-        for (time_s, wanted_s) in times_s.into_iter().skip(3).zip([100.4, 100.5, 120.1]) {
-            assert!((time_s - wanted_s).abs() < 1e-9, "{time_s} {wanted_s}");
-        }
-        assert!(times_s[0] > 100.29, "{}", times_s[0]);
     }
 
     #[test]
