@@ -116,9 +116,14 @@ fn raw_streams_need_their_format_and_frame_rate() {
 /// Returns the identifiers of the processes that a process has started.
 #[cfg(target_os = "linux")]
 fn children_of(process: u32) -> Vec<String> {
-    let path = format!("/proc/{process}/task/{process}/children");
-    let text = fs::read_to_string(path).unwrap_or_default();
-    text.split_whitespace().map(str::to_owned).collect()
+    // Any of its threads may have started them.
+    let threads = fs::read_dir(format!("/proc/{process}/task")).into_iter();
+    let mut children = Vec::new();
+    for thread in threads.flatten().flatten() {
+        let text = fs::read_to_string(thread.path().join("children")).unwrap_or_default();
+        children.extend(text.split_whitespace().map(str::to_owned));
+    }
+    children
 }
 
 /// Waits until something holds; fails after half a minute.
