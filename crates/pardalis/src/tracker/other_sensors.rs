@@ -20,7 +20,7 @@ impl Tracker {
     ///
     /// ```
     /// # use pardalis::camera::{Pinhole, Pose};
-    /// # use pardalis::shape::{Shape, Sphere};
+    /// # use pardalis::shape::{Shape, Sphere, SphereOutline};
     /// # use pardalis::tracker::BoxedSettings;
     /// # use pardalis::{FrameSet, Tracker, View};
     /// use pardalis::tracker::{Measurement, ObservedMeasurement};
@@ -28,7 +28,7 @@ impl Tracker {
     /// # let lens = Pinhole::new([500.0; 2], [159.5, 119.5], &[])?;
     /// # let mut setup = Tracker::builder();
     /// # setup.camera(View::new(lens, Pose::identity(), (320, 240), None)?);
-    /// # let ball = setup.target(BoxedSettings::new(Shape::Sphere(Sphere::new(0.1)?)));
+    /// # let ball = setup.target(BoxedSettings::new(Shape::Sphere(Sphere::new(0.1, SphereOutline::Tangent)?)));
     /// # let mut tracker = setup.build()?;
     /// let range = Measurement::range(0.02, [0.0, 0.0, 1.0], 3.2, 0.02)?;
     /// assert_eq!(tracker.observe_measurement(ball, &range)?, ObservedMeasurement::Waiting);
