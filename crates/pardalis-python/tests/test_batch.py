@@ -178,11 +178,35 @@ def test_platforms_move_as_in_the_recording(scene, tmp_path):
         return str(raised.value)
 
     assert error({"cam1": {}}) == 'recordings: "a" has nothing of the platforms robot of scene "scene"; give {} to leave them'
-    assert error({"cam1": {}, "rover": "a.csv"}).endswith('platform "rover", and scene "scene" has only cam1, robot')
+    assert error({"cam1": {}, "rover": "a.csv"}).endswith('target "rover", and scene "scene" has only cam1, robot, ball')
     scene.write_text(scene.read_text().replace('poses = "nowhere.csv"\n', ""))
     assert error({"cam1": {}, "robot": "a.csv"}).endswith('the platform "robot"; give {"odometry": ...} or {"poses": ...}')
     scene.write_text(scene.read_text().replace("robot", "cam1"))
     assert error({"cam1": {}}) == 'recordings: "cam1" is a camera and a platform of scene "scene"; rename one of them there'
+
+
+def test_targets_are_measured_as_in_the_recording(scene, tmp_path):
+    # Searched for, without a start.
+    scene.write_text(scene.read_text().split("motion.")[0] + 'measurements = "nowhere.csv"\n')
+    # In the world, far beside the ball: rejected, and said so.
+    (tmp_path / "far.csv").write_text("time_s,x_m,y_m,z_m,sigma_m\n0.04,50,0,0,0.01\n")
+    (tmp_path / "near.csv").write_text("time_s,x_m,y_m,z_m,sigma_m\n0.04,0,0,0.3,1\n")
+
+    def run(**measured):
+        recordings = {name: {"cam1": {}, "ball": file} for name, file in measured.items()}
+        return pardalis.batch.run(scene, tmp_path / "out", recordings=recordings, frames=3)
+
+    batch = run(near=tmp_path / "near.csv", far={"measurements": tmp_path / "far.csv"})
+    assert batch.failures == {}
+    warnings = items(tmp_path / "out").warnings
+    assert ["measurement" in str(warnings[("scene", name, 1)]) for name in ("near", "far")] == [False, True]
+    # Its contents count, not its time.
+    os.utime(tmp_path / "near.csv", ns=(0, 0))
+    assert run(near=tmp_path / "near.csv", far=tmp_path / "far.csv").tracked == 0
+    (tmp_path / "near.csv").write_text((tmp_path / "far.csv").read_text())
+    assert run(near=tmp_path / "near.csv", far=tmp_path / "far.csv").tracked == 1
+    with pytest.raises(ValueError, match='recordings: "a" has nothing of the targets ball of scene "scene"; give {} to leave them'):
+        pardalis.batch.run(scene, tmp_path / "no", recordings={"a": {"cam1": {}}})
 
 
 def test_crowds_and_warnings(scene, tmp_path):
@@ -212,7 +236,7 @@ def test_arguments_that_cannot_be_used_are_named(scene, tmp_path, monkeypatch):
 
     assert error({"a.b": scene}) == '"a.b" is the name of a scene or recording; allowed: 1 to 64 of A-Z a-z 0-9 _ -'
     assert "no.toml" in error({"a": tmp_path / "no.toml"})
-    assert error(recordings={"a": {"left": "a.mp4"}}).endswith('"left", and scene "scene" has only cam1')
+    assert error(recordings={"a": {"left": "a.mp4"}}).endswith('"left", and scene "scene" has only cam1, ball')
     assert "rtsp://camera" in error(recordings={"a": {"cam1": "rtsp://camera"}})
     assert error(recordings={"a": {"cam1": {"video": os.devnull}}}).startswith(f'video = "{os.devnull}" is a device')
     assert error(truths={"a": scene}) == 'truths: there is no "a"; allowed: scene'
@@ -223,7 +247,7 @@ def test_arguments_that_cannot_be_used_are_named(scene, tmp_path, monkeypatch):
     assert error(frames=2.5) == "frames is 2.5; allowed: a whole number, 1 or more"
     assert error(evaluate_options="--interpolate") == 'evaluate_options is a text; allowed: a list, ["--interpolate"]'
     assert error(truths="ring") == "truths is 'ring'; allowed: a dictionary by the names of recordings"
-    assert error(recordings={"a": "a.mp4"}) == "recordings: \"a\" is 'a.mp4'; allowed: a dictionary by the names of cameras and platforms"
+    assert error(recordings={"a": "a.mp4"}) == "recordings: \"a\" is 'a.mp4'; allowed: a dictionary by the names of cameras, platforms and targets"
     camera = {"images": "frames", "calibration": "cameras.toml", "detections": "boxes.csv"}
     two = {"cameras": {"cam1": camera, "cam2": camera}, "targets": {}}
     assert error(two, recordings={"a": {"cam1": {"video": "a.mp4", "detections": "a.csv"}}}).startswith(

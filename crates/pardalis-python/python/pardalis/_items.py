@@ -25,11 +25,11 @@ _OWN = "own"
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 # Keys of scenes that name files. Images and videos are large, and known by size and time; the others by their contents.
 RECORDED = ("images", "video", "mcap")
-CONTENTS = ("calibration", "colors", "detections", "file", "mask", "odometry", "poses")
+CONTENTS = ("calibration", "colors", "detections", "file", "mask", "measurements", "odometry", "poses")
 # Keys of a camera that belong to images, videos or recordings of robots alone.
 _ONLY_OF = {"images": ("images", "fps"), "video": ("video", "input", "yuv"), "mcap": ("mcap", "topic")}
-# Keys of a platform: either names the file of its motion.
-_MOTION = ("odometry", "poses")
+# Keys of platforms and targets that name what was measured of them during a recording: a platform has one of them.
+_MEASURED = {"platforms": ("odometry", "poses"), "targets": ("measurements",)}
 _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 _MCAP_SUFFIX = ".mcap"
 # Part of what an item's results depend on: another number when the same input is to give other files.
@@ -161,25 +161,38 @@ def _with_files(table: Mapping[str, Any], change: Callable[[str, str], str]) -> 
 
 
 def _with_sources(table: dict[str, Any], scene: str, recording: str, sources: Mapping[str, Source]) -> dict[str, Any]:
-    """Return a copy of a scene whose cameras show a recording, and whose platforms move as in it."""
+    """Return a copy of a scene whose cameras show a recording, and whose platforms and targets were measured in it."""
     if not isinstance(sources, Mapping):
-        raise ValueError(f'recordings: "{recording}" is {sources!r}; allowed: a dictionary by the names of cameras and platforms')
-    cameras, platforms = dict(table.get("cameras", {})), dict(table.get("platforms", {}))
+        raise ValueError(
+            f'recordings: "{recording}" is {sources!r}; allowed: a dictionary by the names of cameras, platforms and targets'
+        )
+    tables = {kind: dict(table.get(kind, {})) for kind in ("cameras", *_MEASURED)}
     for name, source in sources.items():
-        if name in cameras and name in platforms:
-            raise ValueError(f'recordings: "{name}" is a camera and a platform of scene "{scene}"; rename one of them there')
-        if name in cameras:
-            cameras[name] = _camera(cameras[name], name, recording, source)
-        elif name in platforms:
-            platforms[name] = _platform(platforms[name], name, recording, source)
+        kinds = [kind for kind, named in tables.items() if name in named]
+        if len(kinds) > 1:
+            first, second = (kind.removesuffix("s") for kind in kinds[:2])
+            raise ValueError(f'recordings: "{name}" is a {first} and a {second} of scene "{scene}"; rename one of them there')
+        if not kinds:
+            known = ", ".join(known for named in tables.values() for known in named)
+            raise ValueError(
+                f'recordings: "{recording}" is of the camera, platform or target "{name}", and scene "{scene}" has only {known}'
+            )
+        named = tables[kinds[0]]
+        if kinds[0] == "cameras":
+            named[name] = _camera(named[name], name, recording, source)
         else:
-            known = ", ".join((*cameras, *platforms))
-            raise ValueError(f'recordings: "{recording}" is of the camera or platform "{name}", and scene "{scene}" has only {known}')
-    for kind, tables in (("cameras", cameras), ("platforms", platforms)):
-        if missing := [name for name in tables if sources and name not in sources]:
-            # They would be those that the scene names, of another day.
+            named[name] = _measured(named[name], kinds[0], name, recording, source)
+    # Without a source, they would be those that the scene names, of another day.
+    measured = [name for name, target in tables["targets"].items() if _names_measured(target)]
+    expected: dict[str, Iterable[str]] = {**tables, "targets": measured}
+    for kind, names in expected.items():
+        if missing := [name for name in names if sources and name not in sources]:
             raise ValueError(f'recordings: "{recording}" has nothing of the {kind} {", ".join(missing)} of scene "{scene}"; give {{}} to leave them')
-    return {**table, "cameras": cameras, **({"platforms": platforms} if platforms else {})}
+    return {**table, **{kind: named for kind, named in tables.items() if named}}
+
+
+def _names_measured(target: Any) -> bool:
+    return isinstance(target, Mapping) and any(key in target for key in _MEASURED["targets"])
 
 
 def _camera(camera: Mapping[str, Any], name: str, recording: str, source: Source) -> dict[str, Any]:
@@ -197,14 +210,16 @@ def _camera(camera: Mapping[str, Any], name: str, recording: str, source: Source
     return kept | _with_files(source, lambda _, path: os.path.abspath(path))
 
 
-def _platform(platform: Mapping[str, Any], name: str, recording: str, source: Source) -> dict[str, Any]:
-    """Return a copy of a platform's table that moves as in a recording."""
+def _measured(table: Mapping[str, Any], kind: str, name: str, recording: str, source: Source) -> dict[str, Any]:
+    """Return a copy of the table of a platform or a target with what was measured of it in a recording."""
+    allowed = _MEASURED[kind]
     if not isinstance(source, Mapping):
-        kinds = [kind for kind in _MOTION if kind in platform]
-        if len(kinds) != 1:
-            raise ValueError(f'recordings: "{recording}" has {source!r} for the platform "{name}"; give {{"odometry": ...}} or {{"poses": ...}}')
-        source = {kinds[0]: source}
-    kept = {key: value for key, value in platform.items() if key not in _MOTION or not any(kind in source for kind in _MOTION)}
+        keys = [key for key in allowed if key in table] if len(allowed) > 1 else allowed
+        if len(keys) != 1:
+            given = " or ".join(f'{{"{key}": ...}}' for key in allowed)
+            raise ValueError(f'recordings: "{recording}" has {source!r} for the {kind.removesuffix("s")} "{name}"; give {given}')
+        source = {keys[0]: source}
+    kept = {key: value for key, value in table.items() if key not in allowed or not any(key in source for key in allowed)}
     return kept | _with_files(source, lambda _, path: os.path.abspath(path))
 
 

@@ -93,7 +93,8 @@ def run(
     A scene is a file or a dictionary, as for `track`; several have names: `{"plain": "plain.toml", "prior": "prior.toml"}`. `recordings`
     maps names to what the cameras of the scenes show: `{"monday": {"cam1": "monday.mp4"}}`, with a video or a folder of images, or a
     dictionary of the camera's keys that differ. Without it, each scene tracks what it names itself, and its recording is called "own".
-    The motion of platforms belongs to a recording, too: `{"monday": {"cam1": "monday.mp4", "robot": "monday.csv"}}`.
+    The motion of platforms and the measurements of targets belong to a recording, too: `{"monday": {"cam1": "monday.mp4", "robot":
+    "odometry.csv", "ball": "measurements.csv"}}`.
     `seeds` default to that of each scene. `truths` maps recordings, or scenes without `recordings`, to the truth that each item is
     evaluated with, given `evaluate_options`. `frames` and `smooth` are those of `track`. Paths start at the current folder, those in the
     file of a scene at its folder.
