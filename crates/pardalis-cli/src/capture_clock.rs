@@ -41,7 +41,8 @@ impl CaptureClock {
         Some(arrival_s - self.least_delay_s()?)
     }
 
-    fn least_delay_s(&self) -> Option<f64> {
+    /// Returns the shortest time from a time stamp to the arrival of its frame, in seconds; `None` before the first frame.
+    pub(crate) fn least_delay_s(&self) -> Option<f64> {
         let (least_s, _) = self.present?;
         Some(self.before_s.map_or(least_s, |s| least_s.min(s)))
     }

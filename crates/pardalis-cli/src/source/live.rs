@@ -45,6 +45,12 @@ const PAUSES: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(2
 /// many seconds. Otherwise the clock of the source has started anew.
 const SAME_CLOCK_S: f64 = 1.0;
 
+/// The first frames after a clock was set may have come late, and those that follow catch up. They have caught up once no frame was quicker by
+/// [`QUICKER_S`] for [`SETTLED_S`]. Streams that go on being faster than their time stamps for [`UNSETTLED_S`] are not sent in real time. All in seconds.
+const QUICKER_S: f64 = 0.005;
+const SETTLED_S: f64 = 1.0;
+const UNSETTLED_S: f64 = 10.0;
+
 /// Returns the longest wait for a frame of a live source.
 pub(super) fn timeout(video: &VideoInput) -> Duration {
     let timeout_s = video.settings.timeout_s.unwrap_or(FIRST_FRAME_TIMEOUT_S);
@@ -153,11 +159,26 @@ struct SteadyClock {
     arrivals: CaptureClock,
     /// Whether the next frame is the first after a failure.
     is_reopened: bool,
+    /// After the clock was set, until it is known by how much the first frames came late.
+    settling: Option<Settling>,
+}
+
+/// What is known after a clock was set.
+struct Settling {
+    /// The times and arrivals of frames before.
+    before: CaptureClock,
+    /// When the clock was found to be set, in seconds.
+    begin_s: f64,
+    /// The shortest delay since, up to [`QUICKER_S`], and since when, in seconds.
+    least_s: f64,
+    since_s: f64,
 }
 
 impl SteadyClock {
     /// Returns the time of a frame with this time stamp that arrives at this time, in seconds, and the jump of the time stamps
     /// if they jumped while the source was open.
+    ///
+    /// After a jump, the first frame is taken for a quick one. If later ones turn out to be quicker, the times go back once by the difference.
     fn time_at_s(&mut self, stamp_s: f64, arrival_s: f64) -> (f64, Option<f64>) {
         let mut time_s = stamp_s + self.offset_s;
         let mut jump_s = None;
@@ -172,12 +193,44 @@ impl SteadyClock {
                 jump_s = (!self.is_reopened).then_some(time_s - expected_s);
                 self.offset_s = expected_s - stamp_s;
                 time_s = expected_s;
+                self.settling = Some(Settling {
+                    before: self.arrivals.clone(),
+                    begin_s: arrival_s,
+                    least_s: arrival_s - time_s,
+                    since_s: arrival_s,
+                });
             }
         }
         self.is_reopened = false;
-        self.last_s = Some(time_s);
         self.arrivals.take(time_s, arrival_s);
+        if let Some(ahead_s) = self.settled_ahead_s(arrival_s) {
+            self.offset_s -= ahead_s;
+            time_s -= ahead_s;
+            self.arrivals.take(time_s, arrival_s);
+        }
+        self.last_s = Some(time_s);
         (time_s, jump_s)
+    }
+
+    /// Returns by how much times are ahead since the clock was set, in seconds, once that is known. The quickest frames are again those from before.
+    fn settled_ahead_s(&mut self, arrival_s: f64) -> Option<f64> {
+        let settling = self.settling.as_mut()?;
+        let least_s = self.arrivals.least_delay_s()?;
+        if arrival_s - settling.begin_s > UNSETTLED_S {
+            self.settling = None;
+            return None;
+        }
+        if least_s < settling.least_s - QUICKER_S {
+            settling.least_s = least_s;
+            settling.since_s = arrival_s;
+        }
+        if arrival_s - settling.since_s < SETTLED_S {
+            return None;
+        }
+        let before = self.settling.take()?.before;
+        let ahead_s = before.least_delay_s()? - least_s;
+        self.arrivals = before;
+        Some(ahead_s)
     }
 }
 
@@ -330,6 +383,61 @@ mod tests {
                 assert_eq!(jump_s, None);
             }
         }
+    }
+
+    #[test]
+    fn times_are_right_again_although_the_clock_was_set_while_frames_came_late() {
+        // Ten frames a second that take 20 ms and, on every other frame, 10 ms more.
+        let arrival_s = |number: i32| 0.1 * f64::from(number) + 0.02 + 0.01 * f64::from(number % 2);
+        let mut clock = SteadyClock::default();
+        for number in 0..50 {
+            assert_eq!(
+                clock
+                    .time_at_s(0.1 * f64::from(number), arrival_s(number))
+                    .1,
+                None
+            );
+        }
+        // The clock is set by an hour at 5 s. The network held the frames of 5 s to 5.7 s back until then.
+        let mut jumps = 0;
+        let mut times_s = Vec::new();
+        for number in 50..120 {
+            let stamp_s = 3600.0 + 0.1 * f64::from(number);
+            let (time_s, jump_s) = clock.time_at_s(stamp_s, arrival_s(number).max(5.72));
+            jumps += usize::from(jump_s.is_some());
+            times_s.push(time_s - 0.1 * f64::from(number));
+        }
+        assert_eq!(jumps, 1);
+        // Ahead by how late the first frame came, for about as long as the frames need to settle.
+        let settled = times_s
+            .iter()
+            .position(|ahead_s| ahead_s.abs() < 1e-9)
+            .unwrap();
+        assert!((17..=19).contains(&settled), "{settled} {times_s:?}");
+        assert!(
+            times_s[..settled]
+                .iter()
+                .all(|ahead_s| (ahead_s - 0.7).abs() < 1e-9)
+        );
+        assert!(
+            times_s[settled..]
+                .iter()
+                .all(|ahead_s| ahead_s.abs() < 1e-9)
+        );
+    }
+
+    #[test]
+    fn streams_that_are_not_sent_in_real_time_keep_the_steps_of_their_stamps() {
+        let mut clock = SteadyClock::default();
+        clock.time_at_s(100.0, 50.0);
+        clock.is_reopened = true;
+        // Twice as fast as their time stamps.
+        let times_s: Vec<f64> = (0..1000)
+            .map(|number| 0.1 * f64::from(number))
+            .map(|stamp_s| clock.time_at_s(stamp_s, 53.0 + stamp_s / 2.0).0)
+            .collect();
+        let is_regular = |pair: &[f64]| (pair[1] - pair[0] - 0.1).abs() < 1e-9;
+        assert!(times_s.windows(2).all(is_regular));
     }
 
     #[test]

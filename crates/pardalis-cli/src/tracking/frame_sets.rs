@@ -222,6 +222,12 @@ impl<'a> FrameSets<'a> {
             }
             arrived.sort_by(|a, b| a.2.total_cmp(&b.2));
             for (camera, frame, arrival_s) in arrived {
+                let counts = self.merge.counts().nth(camera);
+                let last_s = counts.and_then(|counts| counts.last_time_s);
+                if last_s.is_some_and(|last_s| frame.time_s() < last_s) {
+                    // The camera's clock was set: its fastest frame is unknown.
+                    self.clocks[camera] = CaptureClock::default();
+                }
                 self.clocks[camera].take(frame.time_s(), arrival_s);
                 self.merge.take(camera, frame, arrival_s);
             }
