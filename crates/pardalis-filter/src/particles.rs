@@ -26,6 +26,14 @@ impl Particles {
         self.log_weights.len()
     }
 
+    /// Changes the number of particles. States and weights are then meaningless.
+    pub(crate) fn resize(&mut self, count: usize) {
+        for column in &mut self.columns {
+            column.resize(count, 0.0);
+        }
+        self.log_weights.resize(count, 0.0);
+    }
+
     /// Returns the columns in the motion model's order.
     pub fn columns(&self) -> &[Vec<f32>] {
         &self.columns

@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 
 use crate::color::ColorModel;
 use crate::value_error;
+use pardalis::filter::bernoulli::ParticleRange;
 use pardalis::filter::motion::{ConstantVelocity, Motion, VelocityNoise};
 use pardalis::shape::{Flat, Section, Sphere, SphereOutline, Upright, UprightOutline};
 use pardalis::tracker::{
@@ -127,6 +128,14 @@ fn check_most(most: Option<usize>) -> PyResult<()> {
     Ok(())
 }
 
+/// Returns the range of the numbers of particles.
+fn particles(max: usize, min: Option<usize>) -> ParticleRange {
+    ParticleRange {
+        min: min.unwrap_or(max),
+        max,
+    }
+}
+
 #[pymethods]
 impl Target {
     #[new]
@@ -137,9 +146,11 @@ impl Target {
         radius_tolerance=Some(SizeTolerance::DEFAULT_SHARE),
         turns=true,
         ground_z_m=0.0,
-        particle_count=DetectedSettings::PARTICLE_COUNT,
+        particle_count=DetectedSettings::PARTICLES.max,
+        min_particle_count=None,
         max_count=None,
-    ), text_signature = "(shape, colors, *, radius_tolerance=0.02, turns=True, ground_z_m=0.0, particle_count=500, max_count=None)")]
+    ), text_signature = "(shape, colors, *, radius_tolerance=0.02, turns=True, ground_z_m=0.0, particle_count=500, min_particle_count=None, max_count=None)")]
+    #[allow(clippy::too_many_arguments)] // by name
     fn new(
         shape: PyRef<Shape>,
         colors: PyRef<ColorModel>,
@@ -147,6 +158,7 @@ impl Target {
         turns: bool,
         ground_z_m: f64,
         particle_count: usize,
+        min_particle_count: Option<usize>,
         max_count: Option<usize>,
     ) -> PyResult<Self> {
         check_most(max_count)?;
@@ -159,7 +171,7 @@ impl Target {
         settings.size = radius_tolerance.map_or(SizeTolerance::Unknown, SizeTolerance::Share);
         settings.turns = turns;
         settings.existence.ground_z_m = ground_z_m;
-        settings.particle_count = particle_count;
+        settings.particles = particles(particle_count, min_particle_count);
         Ok(Self {
             body: Body::Detected(settings),
             most: max_count,
@@ -183,9 +195,10 @@ impl Target {
         min_score=0.0,
         acceleration_density_m2ps3=None,
         ground_z_m=0.0,
-        particle_count=DetectedSettings::PARTICLE_COUNT,
+        particle_count=DetectedSettings::PARTICLES.max,
+        min_particle_count=None,
         max_count=None,
-    ), text_signature = "(shape, *, detection_probability=0.9, false_per_image=0.5, side_sigma=0.05, size_tolerance=0.05, min_score=0.0, acceleration_density_m2ps3=None, ground_z_m=0.0, particle_count=500, max_count=None)")]
+    ), text_signature = "(shape, *, detection_probability=0.9, false_per_image=0.5, side_sigma=0.05, size_tolerance=0.05, min_score=0.0, acceleration_density_m2ps3=None, ground_z_m=0.0, particle_count=500, min_particle_count=None, max_count=None)")]
     #[allow(clippy::too_many_arguments)] // by name
     fn of_boxes(
         shape: PyRef<Shape>,
@@ -197,6 +210,7 @@ impl Target {
         acceleration_density_m2ps3: Option<f64>,
         ground_z_m: f64,
         particle_count: usize,
+        min_particle_count: Option<usize>,
         max_count: Option<usize>,
     ) -> PyResult<Self> {
         check_most(max_count)?;
@@ -219,7 +233,7 @@ impl Target {
             };
         }
         settings.existence.ground_z_m = ground_z_m;
-        settings.particle_count = particle_count;
+        settings.particles = particles(particle_count, min_particle_count);
         Ok(Self {
             body: Body::Boxed(settings),
             most: max_count,

@@ -20,7 +20,7 @@ use pardalis::tracker::{
     SizeTolerance, TargetSettings,
 };
 use pardalis_core::Error;
-use pardalis_filter::bernoulli::check_motion;
+use pardalis_filter::bernoulli::{ParticleRange, check_motion};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
 use pardalis_filter::particle_filter::{FilterSettings, MAX_PARTICLES};
@@ -82,8 +82,8 @@ pub enum TrackingConfig {
         detector: Option<DetectorConfig>,
         /// Its motion model.
         motion: Motion,
-        /// The number of particles.
-        particle_count: usize,
+        /// The numbers of particles.
+        particles: ParticleRange,
         /// How it appears, disappears and becomes occluded.
         existence: ExistenceSettings,
         /// Its initial position, if known, with its position in the scene file.
@@ -104,8 +104,8 @@ pub enum TrackingConfig {
         detector: DetectorConfig,
         /// Its motion model.
         motion: Motion,
-        /// The number of particles.
-        particle_count: usize,
+        /// The numbers of particles.
+        particles: ParticleRange,
         /// How it appears, disappears and becomes occluded.
         existence: ExistenceSettings,
         /// Its initial position, if known, with its position in the scene file.
@@ -119,7 +119,7 @@ enum Shared {
         edge: EdgeSettings,
         detector: Option<DetectorConfig>,
         motion: Option<Motion>,
-        particle_count: usize,
+        particles: ParticleRange,
         existence: Option<ExistenceSettings>,
     },
     Initialized {
@@ -129,7 +129,7 @@ enum Shared {
     Boxed {
         detector: Option<DetectorConfig>,
         motion: Option<Motion>,
-        particle_count: usize,
+        particles: ParticleRange,
         existence: Option<ExistenceSettings>,
     },
 }
@@ -421,11 +421,11 @@ impl BodyConfig {
         }
     }
 
-    /// Returns the number of its particles.
+    /// Returns the greatest number of its particles.
     pub fn particle_count(&self) -> usize {
         match &self.tracking {
-            TrackingConfig::Detected { particle_count, .. }
-            | TrackingConfig::Boxed { particle_count, .. } => *particle_count,
+            TrackingConfig::Detected { particles, .. }
+            | TrackingConfig::Boxed { particles, .. } => particles.max,
             TrackingConfig::Initialized { filter, .. } => filter.particle_count,
         }
     }
@@ -470,7 +470,7 @@ impl BodyConfig {
                 edge,
                 detector,
                 motion,
-                particle_count,
+                particles,
                 existence,
                 ..
             } => {
@@ -483,7 +483,7 @@ impl BodyConfig {
                 settings.edge = *edge;
                 settings.detector = detector.as_ref().map(|detector| detector.settings);
                 settings.motion = *motion;
-                settings.particle_count = *particle_count;
+                settings.particles = *particles;
                 settings.existence = *existence;
                 settings.start = start;
                 Ok(settings.into())
@@ -499,14 +499,14 @@ impl BodyConfig {
             TrackingConfig::Boxed {
                 detector,
                 motion,
-                particle_count,
+                particles,
                 existence,
                 ..
             } => {
                 let mut settings = BoxedSettings::new(self.shape);
                 settings.detector = detector.settings;
                 settings.motion = *motion;
-                settings.particle_count = *particle_count;
+                settings.particles = *particles;
                 settings.existence = *existence;
                 settings.start = position_of(start)?;
                 Ok(settings.into())
@@ -601,7 +601,7 @@ impl Shared {
                 edge,
                 detector,
                 motion,
-                particle_count,
+                particles,
                 existence,
             } => {
                 let start = read_detected_start(table, name, cameras);
@@ -609,7 +609,7 @@ impl Shared {
                     edge: *edge,
                     detector: detector.clone(),
                     motion: (*motion)?,
-                    particle_count: *particle_count,
+                    particles: *particles,
                     existence: (*existence)?,
                     start: start.ok()?,
                 })
@@ -617,14 +617,14 @@ impl Shared {
             Self::Boxed {
                 detector,
                 motion,
-                particle_count,
+                particles,
                 existence,
             } => {
                 let start = read_detected_start(table, name, cameras);
                 Some(TrackingConfig::Boxed {
                     detector: detector.clone()?,
                     motion: (*motion)?,
-                    particle_count: *particle_count,
+                    particles: *particles,
                     existence: (*existence)?,
                     start: start.ok()?,
                 })
@@ -659,7 +659,7 @@ fn read_shared(
             edge,
             detector,
             motion: read_detected_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS),
-            particle_count: read_detected_particles(table),
+            particles: read_detected_particles(table),
             existence: read_existence(table, ExistenceSettings::default()),
         }),
         Some(CuesConfig::Published(cues)) => {
@@ -701,7 +701,7 @@ fn read_boxed(table: &Table, shape: Option<&Shape>, detector: Option<DetectorCon
     Shared::Boxed {
         detector,
         motion: read_detected_motion(table, shape, motion),
-        particle_count: read_detected_particles(table),
+        particles: read_detected_particles(table),
         existence: read_existence(table, existence),
     }
 }
@@ -743,11 +743,12 @@ fn read_detected_start(
 /// Description of the table `filter`.
 const ABOUT_FILTER: &str = "The particle filter.";
 
-/// Reads the number of particles of a detected target.
-fn read_detected_particles(table: &Table) -> usize {
-    let default = DetectedSettings::PARTICLE_COUNT;
-    let count = table.section("filter", ABOUT_FILTER, |filter| {
-        let count = read_particles(filter, default);
+/// Reads the numbers of particles of a detected target.
+fn read_detected_particles(table: &Table) -> ParticleRange {
+    let default = DetectedSettings::PARTICLES;
+    let particles = table.section("filter", ABOUT_FILTER, |filter| {
+        let max = read_particles(filter, default.max);
+        let min = read_min_particles(filter, max);
         for key in ["resampling", "resample_below"] {
             if filter.knows(key) {
                 let message =
@@ -755,14 +756,35 @@ fn read_detected_particles(table: &Table) -> usize {
                 filter.warn(key, message);
             }
         }
-        Some(count)
+        Some(ParticleRange { min, max })
     });
-    count.unwrap_or(default)
+    particles.unwrap_or(default)
+}
+
+/// Reads the least number of particles of a target that has up to `max`.
+fn read_min_particles(filter: &Table, max: usize) -> usize {
+    let min = filter
+        .key(
+            "min_particles",
+            "Number of particles with which an update begins, for a target with the edge cue or a detector. Where too few of them agree with the images, more are drawn, up to `particles`. Fewer are faster, and velocities noisier.",
+        )
+        .within(1.0..=MAX_PARTICLES as f64)
+        .depends("as many as `particles`")
+        .or(max);
+    if min > max {
+        let message =
+            format!("is {min}, and there are at most {max}; raise particles, or lower this");
+        filter.problem("min_particles", message);
+    }
+    min
 }
 
 fn read_particles(filter: &Table, default: usize) -> usize {
     filter
-        .key("particles", "Number of particles.")
+        .key(
+            "particles",
+            "Number of particles; the greatest, for a target with the edge cue or a detector.",
+        )
         .within(1.0..=MAX_PARTICLES as f64)
         .depends("2000; 500 for a target with the edge cue or a detector")
         .or(default)
@@ -773,6 +795,12 @@ fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
     let motion = read_motion(table, shape, ConstantVelocity::DEFAULT);
     let settings = table.section("filter", ABOUT_FILTER, |filter| {
         let particle_count = read_particles(filter, default.particle_count);
+        if filter.is_describing() {
+            read_min_particles(filter, particle_count);
+        } else if filter.knows("min_particles") {
+            let message = "has no effect on a target with published cues, whose number of particles is constant";
+            filter.warn("min_particles", message);
+        }
         let resampling = filter
             .key("resampling", "Resampling scheme.")
             .word(default.resampling);

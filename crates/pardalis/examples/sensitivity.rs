@@ -15,6 +15,7 @@ use common::{FPS, data, detected_ball, fisheye_view, frame, open, set_of};
 use nalgebra::{Matrix3, Point3, Vector3};
 use pardalis::camera::{Pinhole, Pose};
 use pardalis::color::{ColorLearner, Palette, YuvEncoding};
+use pardalis::filter::bernoulli::ParticleRange;
 use pardalis::tracker::{DetectedSettings, TrackState};
 use pardalis::tuning::Tuning;
 use pardalis::{Estimate, FrameSet, PixelFormat, TargetId, Tracker, View};
@@ -49,7 +50,7 @@ const SETTINGS: [(&str, Scale); 10] = [
         s.edge.shared_sigma_px *= factor;
     }),
     ("filter.particles", |s, factor| {
-        s.particle_count = (s.particle_count as f64 * factor) as usize;
+        s.particles = ParticleRange::fixed((s.particles.max as f64 * factor) as usize);
     }),
     ("existence.birth_rate_hz", |s, factor| {
         s.existence.birth_rate_hz *= factor;

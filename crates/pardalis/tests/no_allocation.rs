@@ -19,7 +19,9 @@ use pardalis::view::View;
 use pardalis::{CameraId, Estimate, FrameSet, PixelFormat, TargetId, Tracker};
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
+use pardalis_filter::bernoulli::{
+    BernoulliFilter, BernoulliSettings, MeasurementComponent, ParticleRange,
+};
 use pardalis_filter::motion::Motion;
 use pardalis_images::RgbImage;
 
@@ -113,6 +115,16 @@ fn check_detected() {
     let of_two = sets(FPS, 0..40, |index| vec![jump_picture(index); 2]);
     let views = vec![fisheye_view(), fisheye_view()];
     check("two cameras", views, ball(), &of_two, 12);
+    // As many particles as each update needs.
+    let mut ball = detected_ball();
+    ball.particles.min = 100;
+    check(
+        "few particles",
+        vec![fisheye_view()],
+        vec![ball.into()],
+        &of_ball,
+        12,
+    );
 }
 
 /// Checks a ball that is found by boxes in two cameras, and a crowd.
@@ -322,8 +334,9 @@ fn check_turning() {
 }
 
 /// Checks updates of the Bernoulli filter with and without measurement components.
-fn check_bernoulli() {
-    let settings = BernoulliSettings::of(Motion::DEFAULT);
+fn check_bernoulli(particles: ParticleRange) {
+    let mut settings = BernoulliSettings::of(Motion::DEFAULT);
+    settings.particles = particles;
     let mut filter = BernoulliFilter::new(settings, Draws::new(1, 0)).unwrap();
     let mut step = |components: &[MeasurementComponent]| {
         let before = ALLOCATIONS.get();
@@ -348,7 +361,12 @@ fn check_bernoulli() {
 
 #[test]
 fn steps_after_the_first_frames_do_not_allocate() {
-    on_one_thread(check_bernoulli);
+    for particles in [
+        ParticleRange::fixed(500),
+        ParticleRange { min: 50, max: 500 },
+    ] {
+        on_one_thread(|| check_bernoulli(particles));
+    }
     check_detected();
     check_moving();
     check_boxed();

@@ -264,7 +264,7 @@ fn all_problems_of_a_scene_are_reported_in_one_run() {
         "line 12: targets.ball.shape.sphere.radius_m: is 0; allowed: above 0",
         "line 13: targets.ball.shape.cube: is not a key; allowed here: sphere",
         "line 21: the key filter is given twice",
-        "line 22: targets.ball.filter.x: is not a key; allowed here: particles",
+        "line 22: targets.ball.filter.x: is not a key; allowed here: min_particles, particles",
         "line 23: extra: is not a key; allowed here: cameras, guessed, platforms, seed, targets",
         "line 24: cameras.cam2: has no input; give images",
         "line 24: cameras.cam2.world_from_camera: is missing",

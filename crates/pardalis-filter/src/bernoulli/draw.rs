@@ -16,19 +16,20 @@ impl BernoulliFilter {
         (chance > 0.0).then_some((chance, jumped))
     }
 
-    /// Draws new particles. Their log-weights are the logarithm of prior density, including existence, over proposal
+    /// Draws as many new particles as there is room for. Their log-weights are the logarithm of prior density, including existence, over proposal
     /// density.
     pub(super) fn draw_new(&mut self, prior: &Prior) {
         let (draws, observation) = (self.draws, self.observation);
         let dt_s = self.pending_s;
         let free_axes = self.settings.motion.free_axes();
-        let count = self.weights.len();
+        let (old_count, count) = (self.weights.len(), self.new_hypotheses.len());
         let ProposalTuning {
             resample_below,
             jump_one_in,
             ..
         } = self.settings.proposal;
-        let is_depleted = self.effective_sample_size() <= resample_below * count as f64;
+        let is_depleted =
+            count != old_count || self.effective_sample_size() <= resample_below * old_count as f64;
         if is_depleted {
             let uniform = |_| draws.uniform(0, observation, Stage::Resampling);
             resample::systematic(&self.weights, uniform, &mut self.ancestors);

@@ -245,6 +245,7 @@ impl BernoulliFilter {
         let (draws, observation, dt_s) = (self.draws, self.observation, self.pending_s);
         let free_axes = self.settings.motion.free_axes();
         let count = self.weights.len();
+        self.resize_new(count);
         let tuning = self.settings.proposal;
         let is_depleted = self.effective_sample_size() <= tuning.resample_below * count as f64;
         if is_depleted {

@@ -7,7 +7,8 @@
 //! uniform density B, and N the prediction of particle i. The prior density is Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New
 //! positions are drawn from a mixture of predictions and measurement components, and the weights are divided by the
 //! density of the whole mixture (Isard and Blake 1998, ICONDENSATION). Components therefore select positions
-//! without biasing the posterior. If few particles agree with the images, a moment-matched proposal replaces the
+//! without biasing the posterior. An update draws few particles at first, and again with more if the effective sample
+//! size is too small. If few particles agree with the images, a moment-matched proposal replaces the
 //! predictions. Far from the predictions only positions at components are evaluated; the target is assumed not to
 //! be visible at others. Measurements of other sensors update position and velocity
 //! alone ([`BernoulliFilter::measure`]).
@@ -47,13 +48,44 @@ const MAX_PENDING_S: f64 = 1e6;
 /// particle are drawn from all parts of the proposal.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
+/// Numbers of particles between which a Bernoulli filter chooses in each update. Fewer are faster; the error of the mean because they are
+/// random, which is small beside that of most images, grows with the square root.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ParticleRange {
+    /// With these an update begins. If too few of them are effective, it draws as many as are needed.
+    pub min: usize,
+    /// With these it begins while nothing was detected.
+    pub max: usize,
+}
+
+impl ParticleRange {
+    /// Returns the range that has this number of particles in every update.
+    pub const fn fixed(count: usize) -> Self {
+        Self {
+            min: count,
+            max: count,
+        }
+    }
+
+    fn check(self) -> Result<(), Error> {
+        if !(1..=MAX_PARTICLES).contains(&self.max) {
+            return Err(Error::out_of_range("particles", self.max, "1 to 1000000"));
+        }
+        if !(1..=self.max).contains(&self.min) {
+            let allowed = format!("1 to {}, the number of particles", self.max);
+            return Err(Error::out_of_range("min_particles", self.min, &allowed));
+        }
+        Ok(())
+    }
+}
+
 /// Settings of a Bernoulli filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct BernoulliSettings {
-    /// Number of particles. With few particles the filter is overconfident if positions are measured much less
+    /// Numbers of particles. With few particles the filter is overconfident if positions are measured much less
     /// precisely than they are predicted.
-    pub particle_count: usize,
+    pub particles: ParticleRange,
     /// Motion model: constant velocity with white acceleration, or a random walk with diffusion.
     pub motion: Motion,
     /// Appearances per second while there is no target, 1/s.
@@ -80,7 +112,7 @@ impl BernoulliSettings {
     /// each, in 100 m³ (m²), at about 1 m/s; no velocity jumps.
     pub const fn of(motion: Motion) -> Self {
         Self {
-            particle_count: 500,
+            particles: ParticleRange::fixed(500),
             motion,
             birth_rate_hz: 0.1,
             death_rate_hz: 0.1,
@@ -95,13 +127,7 @@ impl BernoulliSettings {
 
     /// Returns an error if settings are out of range.
     fn check(&self) -> Result<(), Error> {
-        if !(1..=MAX_PARTICLES).contains(&self.particle_count) {
-            return Err(Error::out_of_range(
-                "particles",
-                self.particle_count,
-                "1 to 1000000",
-            ));
-        }
+        self.particles.check()?;
         for (name, value) in [
             ("birth_rate_hz", self.birth_rate_hz),
             ("death_rate_hz", self.death_rate_hz),
@@ -189,7 +215,7 @@ impl BernoulliFilter {
     pub fn new(settings: BernoulliSettings, draws: Draws) -> Result<Self, Error> {
         settings.check()?;
         let kinematics = Kinematics::of(&settings.motion)?;
-        let count = settings.particle_count;
+        let count = settings.particles.max;
         let particles = Particles::new(count, settings.motion.column_count());
         Ok(Self {
             settings,
@@ -230,6 +256,10 @@ impl BernoulliFilter {
         let variances = start.velocity_sigma_mps.map(|sigma| sigma * sigma);
         let free = &variances[..free_axes];
         let least = free.iter().copied().fold(f64::INFINITY, f64::min);
+        let count = self.settings.particles.max;
+        self.hypotheses.resize(count, Hypothesis::default());
+        self.particles.resize(count);
+        self.weights.resize(count, 0.0);
         let position_of = start.sampler();
         for (i, hypothesis) in self.hypotheses.iter_mut().enumerate() {
             let [a, b] = [0, 1].map(|draw| {
@@ -253,8 +283,7 @@ impl BernoulliFilter {
         write(&self.hypotheses, &mut self.particles);
         self.particles.reset_weights();
         self.likeliest = 0;
-        let count = self.weights.len() as f64;
-        self.weights.fill(1.0 / count);
+        self.weights.fill(1.0 / count as f64);
         Ok(())
     }
 
@@ -340,20 +369,7 @@ impl BernoulliFilter {
         let log_exists = if is_nowhere {
             f64::NEG_INFINITY
         } else {
-            self.draw_new(&prior);
-            log_ratios(&self.new_particles, &mut self.log_ratios);
-            let log_exists = self.weight_new();
-            // The moment-matched particles estimate the position better, the first draw the existence.
-            if self.agrees_too_little(&prior) && self.draw_moment_matched(&prior) {
-                log_ratios(&self.new_particles, &mut self.log_ratios);
-                if self.weight_new() == f64::NEG_INFINITY {
-                    // All are impossible. The first draw had possible ones: repeat it with the same random numbers.
-                    self.draw_new(&prior);
-                    log_ratios(&self.new_particles, &mut self.log_ratios);
-                    self.weight_new();
-                }
-            }
-            log_exists
+            self.draw_and_weight(&prior, &mut log_ratios)
         };
         if log_exists == f64::NEG_INFINITY {
             if prior.absent > 0.0 {
@@ -369,11 +385,68 @@ impl BernoulliFilter {
         self.take_new();
     }
 
+    /// Draws and weights new particles: few at first, and others where these do not suffice. Returns the logarithm of the sum of
+    /// their weights; -∞ if all are impossible.
+    fn draw_and_weight(
+        &mut self,
+        prior: &Prior,
+        log_ratios: &mut impl FnMut(&Particles, &mut [f32]),
+    ) -> f64 {
+        let ParticleRange { min, max } = self.settings.particles;
+        // Without components, nothing tells how many predict the position at which the target will be seen again.
+        let first = if self.proposal.is_empty() { max } else { min };
+        let log_exists = self.draw(first, prior, log_ratios);
+        // The moment-matched particles estimate the position better, the first draw the existence.
+        if self.agrees_too_little(prior) && self.draw_moment_matched(prior) {
+            log_ratios(&self.new_particles, &mut self.log_ratios);
+            if self.weight_new() == f64::NEG_INFINITY {
+                // All are impossible. The first draw had possible ones: repeat it with the same random numbers.
+                self.draw(first, prior, log_ratios);
+            }
+            return log_exists;
+        }
+        let effective = effective(
+            self.new_particles
+                .log_weights
+                .iter()
+                .map(|log| libm::exp(*log)),
+        );
+        let wanted = self.settings.proposal.effective_share * first as f64;
+        if effective >= wanted || first == max {
+            return log_exists;
+        }
+        // None are effective if all are impossible.
+        let needed = (wanted / effective * first as f64).ceil().min(max as f64);
+        self.draw(needed as usize, prior, log_ratios)
+    }
+
+    /// Draws and weights this number of new particles. Returns the logarithm of the sum of their weights; -∞ if all are impossible.
+    fn draw(
+        &mut self,
+        count: usize,
+        prior: &Prior,
+        log_ratios: &mut impl FnMut(&Particles, &mut [f32]),
+    ) -> f64 {
+        self.resize_new(count);
+        self.draw_new(prior);
+        log_ratios(&self.new_particles, &mut self.log_ratios);
+        self.weight_new()
+    }
+
+    /// Makes room for this number of new particles. Their contents are meaningless.
+    fn resize_new(&mut self, count: usize) {
+        self.new_hypotheses.resize(count, Hypothesis::default());
+        self.new_particles.resize(count);
+        self.ancestors.resize(count, 0);
+        self.log_ratios.resize(count, 0.0);
+    }
+
     /// Replaces the particles by the new ones, whose weights are normalised.
     fn take_new(&mut self) {
         self.likeliest = likeliest(&self.log_ratios, &self.new_particles.log_weights);
         std::mem::swap(&mut self.hypotheses, &mut self.new_hypotheses);
         std::mem::swap(&mut self.particles, &mut self.new_particles);
+        self.weights.resize(self.particles.count(), 0.0);
         for (weight, log_weight) in self.weights.iter_mut().zip(&self.particles.log_weights) {
             *weight = libm::exp(*log_weight);
         }
@@ -392,7 +465,7 @@ impl BernoulliFilter {
 
     /// Returns the effective sample size, 1/Σw².
     fn effective_sample_size(&self) -> f64 {
-        1.0 / self.weights.iter().map(|w| w * w).sum::<f64>()
+        effective(self.weights.iter().copied())
     }
 
     /// Estimates the target where the particles predict it, `ahead_s` seconds after the predicted time, without
@@ -442,6 +515,12 @@ impl BernoulliFilter {
         let weighted = self.hypotheses.iter().zip(&self.weights);
         weighted.map(move |(hypothesis, &weight)| (hypothesis.ahead(dt_s), weight))
     }
+}
+
+/// Returns the effective sample size of weights that sum to one, 1/Σw²; 0 if all are 0.
+fn effective(weights: impl Iterator<Item = f64>) -> f64 {
+    let squares: f64 = weights.map(|w| w * w).sum();
+    if squares > 0.0 { 1.0 / squares } else { 0.0 }
 }
 
 /// Writes positions and velocities into the columns of the particles.

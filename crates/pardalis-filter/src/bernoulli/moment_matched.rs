@@ -51,15 +51,16 @@ impl BernoulliFilter {
     /// Reports whether the effective sample size of the new particles is too small and that of the old ones was not:
     /// otherwise the distribution may have several modes, which moments do not describe.
     pub(super) fn agrees_too_little(&self, prior: &Prior) -> bool {
-        let least = self.settings.proposal.min_effective_share * self.weights.len() as f64;
+        let share = self.settings.proposal.min_effective_share;
         let log_weights = self.new_particles.log_weights.iter();
         let squares: f64 = log_weights.map(|log| libm::exp(2.0 * log)).sum();
-        let is_thin = squares * least > 1.0 && self.effective_sample_size() > least;
+        let is_thin = squares * share * self.new_particles.count() as f64 > 1.0
+            && self.effective_sample_size() > share * self.weights.len() as f64;
         is_thin && prior.located > 0.0 && !self.proposal.is_empty()
     }
 
-    /// Draws new particles from births and from the moment-matched prediction, with log-weights of prior density over
-    /// proposal density. Returns `false` if all particles predict the same position.
+    /// Draws as many new particles as allowed from births and from the moment-matched prediction, with log-weights of prior
+    /// density over proposal density. Returns `false` if all particles predict the same position; nothing changes then.
     pub(super) fn draw_moment_matched(&mut self, prior: &Prior) -> bool {
         let velocity_jump = self.velocity_jump(self.pending_s);
         let steady = (
@@ -70,7 +71,8 @@ impl BernoulliFilter {
             return false;
         };
         let jumped = velocity_jump.and_then(|velocity_jump| self.predicted(velocity_jump));
-        let count = self.weights.len();
+        let count = self.settings.particles.max;
+        self.resize_new(count);
         let (draws, observation) = (self.draws, self.observation);
         let log_located = libm::log(prior.located);
         let log_elsewhere = libm::log(prior.elsewhere) + libm::log(self.settings.birth_density);

@@ -5,7 +5,7 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector3};
 
 use super::kinematics::Kinematics;
-use super::{BernoulliSettings, Hypothesis, MeasurementComponent};
+use super::{BernoulliSettings, Hypothesis, MeasurementComponent, ParticleRange};
 
 /// Variance that every step adds to a position, m².
 const STEP_VARIANCE_M2: f64 = 1e-10;
@@ -35,6 +35,11 @@ impl Gaussian {
         let mean = &self.mean + &covariance * b * (&other.mean - &self.mean);
         Self { mean, covariance }
     }
+}
+
+/// Returns the effective sample size.
+fn effective(weights: &[f64]) -> f64 {
+    weights.iter().sum::<f64>().powi(2) / weights.iter().map(|w| w * w).sum::<f64>()
 }
 
 /// Returns the probabilities that a target that existed with this probability is where it moved, elsewhere, or absent
@@ -223,19 +228,19 @@ impl Before<'_> {
             + (1.0 - birth) * ((1.0 - alone) * products.sum::<f64>() + alone * predicted)
     }
 
-    /// Returns the ancestor of each particle and its weight: those of systematic resampling if the effective sample
-    /// size is at most a share of the number of particles.
-    fn ancestors(&self, resampling: f64) -> Vec<(usize, f64)> {
-        let count = self.weights.len();
-        let squares: f64 = self.weights.iter().map(|weight| weight * weight).sum();
-        if 1.0 / squares > self.settings.proposal.resample_below * count as f64 {
+    /// Returns the ancestor of each of `count` particles and its weight: those of systematic resampling if there were not as many
+    /// before, or if the effective sample size is at most a share of their number.
+    fn ancestors(&self, resampling: f64, count: usize) -> Vec<(usize, f64)> {
+        let least = self.settings.proposal.resample_below * self.weights.len() as f64;
+        if count == self.weights.len() && effective(self.weights) > least {
             return self.weights.iter().copied().enumerate().collect();
         }
         let sum = |weights: &[f64]| weights.iter().sum::<f64>();
         let ancestor = |i: usize| {
             let point = (i as f64 + resampling) / count as f64 * sum(self.weights);
             let is_beyond = |&j: &usize| sum(&self.weights[..=j]) > point;
-            (0..count).find(is_beyond).unwrap_or(count - 1)
+            let parents = 0..self.weights.len();
+            parents.clone().find(is_beyond).unwrap_or(parents.end - 1)
         };
         let share = 1.0 / count as f64;
         (0..count).map(|i| (ancestor(i), share)).collect()
@@ -261,7 +266,7 @@ impl Before<'_> {
     ) -> Drawn {
         let [located, elsewhere, _] = self.chances;
         let has_births = !self.components.is_empty();
-        let ancestors = self.ancestors(resampling);
+        let ancestors = self.ancestors(resampling, positions_m.len());
         let one_in = self.settings.proposal.jump_one_in;
         let jumping = 1.0 / one_in as f64;
         let (mut weights, mut hypotheses) = (Vec::new(), Vec::new());
@@ -303,13 +308,30 @@ impl Before<'_> {
         }
     }
 
+    /// Returns the number of particles of the first draw.
+    pub(super) fn first_count(&self) -> usize {
+        let ParticleRange { min, max } = self.settings.particles;
+        if self.components.is_empty() { max } else { min }
+    }
+
+    /// Returns the number of particles with which the first draw is repeated, if too few of these are effective.
+    pub(super) fn needed(&self, new_weights: &[f64]) -> Option<usize> {
+        let max = self.settings.particles.max;
+        let least = self.settings.proposal.effective_share * new_weights.len() as f64;
+        // If all are impossible, none is effective.
+        let found = effective(new_weights);
+        let found = if found.is_nan() { 0.0 } else { found };
+        let needed = (least / found * new_weights.len() as f64).ceil() as usize;
+        (found < least && new_weights.len() < max).then_some(needed.min(max))
+    }
+
     /// Reports whether the particles of the first draw agree too little with the images: their effective sample
     /// size is less than a small share of their number, and was not before.
     pub(super) fn is_drawn_again(&self, new_weights: &[f64]) -> bool {
-        let effective = |weights: &[f64]| 1.0 / weights.iter().map(|w| w * w).sum::<f64>();
-        let least = self.settings.proposal.min_effective_share * self.weights.len() as f64;
-        effective(new_weights) < least
-            && effective(self.weights) > least
+        let share = self.settings.proposal.min_effective_share;
+        let is_thin = |weights: &[f64]| effective(weights) < share * weights.len() as f64;
+        is_thin(new_weights)
+            && !is_thin(self.weights)
             && self.chances[0] > 0.0
             && !self.components.is_empty()
     }

@@ -8,7 +8,7 @@ use super::*;
 use crate::gaussian::diagonal_m2;
 use crate::motion::{ConstantVelocity, PositionNoise, RandomWalk, VelocityNoise};
 
-/// Particles per filter.
+/// Most particles per filter.
 const PARTICLES: usize = 30;
 /// Centre of all positions, metres.
 const MIDDLE_M: [f64; 3] = [1.0, -0.5, 2.3];
@@ -49,8 +49,9 @@ impl Images {
 fn proposal() -> impl Strategy<Value = ProposalTuning> {
     let share = || 0.05..0.95_f64;
     let shares = [share(), share(), share(), share(), share(), share()];
-    let others = (1.0..4.0_f64, 2..8_usize);
-    let drawn = (shares, others).prop_map(|(shares, (birth_widening, jump_one_in))| {
+    let others = (1.0..4.0_f64, 2..8_usize, 0.05..0.95_f64);
+    let drawn = (shares, others).prop_map(|(shares, others)| {
+        let (birth_widening, jump_one_in, effective_share) = others;
         let [birth, even, predicted, resample, effective, matched] = shares;
         ProposalTuning {
             birth_share: birth,
@@ -60,6 +61,7 @@ fn proposal() -> impl Strategy<Value = ProposalTuning> {
             resample_below: resample,
             jump_one_in,
             min_effective_share: effective,
+            effective_share,
             moment_matched_birth_share: matched,
         }
     });
@@ -85,18 +87,24 @@ fn settings() -> impl Strategy<Value = BernoulliSettings> {
     let rate = || prop_oneof![Just(0.0), 0.01..2.0_f64];
     let jumps = (prop_oneof![Just(0.0), 0.1..5.0_f64], 0.0..5.0_f64);
     let births = (1e-3..1.0_f64, 0.0..3.0_f64);
-    (motion, [rate(), rate(), rate()], births, jumps, proposal()).prop_map(
-        |(motion, [birth, death, relocation], births, jumps, proposal)| BernoulliSettings {
-            particle_count: PARTICLES,
-            birth_rate_hz: birth,
-            death_rate_hz: death,
-            relocation_rate_hz: relocation,
-            birth_density: births.0,
-            birth_velocity_sigma_mps: births.1,
-            velocity_jump_rate_hz: jumps.0,
-            velocity_jump_sigma_mps: jumps.1,
-            proposal,
-            ..BernoulliSettings::of(motion)
+    let max = PARTICLES;
+    let particles = (8..=max).prop_map(move |min| ParticleRange { min, max });
+    let particles = prop_oneof![Just(ParticleRange::fixed(max)), particles];
+    let rates = [rate(), rate(), rate()];
+    (motion, rates, births, jumps, proposal(), particles).prop_map(
+        |(motion, [birth, death, relocation], births, jumps, proposal, particles)| {
+            BernoulliSettings {
+                particles,
+                birth_rate_hz: birth,
+                death_rate_hz: death,
+                relocation_rate_hz: relocation,
+                birth_density: births.0,
+                birth_velocity_sigma_mps: births.1,
+                velocity_jump_rate_hz: jumps.0,
+                velocity_jump_sigma_mps: jumps.1,
+                proposal,
+                ..BernoulliSettings::of(motion)
+            }
         },
     )
 }
@@ -173,12 +181,13 @@ fn check(found: f64, expected: f64, what: &str) {
 }
 
 /// Returns the positions of the first draw of the next update in double precision. The update draws the same ones.
-fn first_positions_m(filter: &mut BernoulliFilter, images: &Images) -> Vec<[f64; 3]> {
+fn first_positions_m(filter: &mut BernoulliFilter, images: &Images, count: usize) -> Vec<[f64; 3]> {
     let before = filter.observation;
     filter.observation = before.wrapping_add(1);
     let prior = filter.prior();
     let elsewhere = prior.elsewhere / (prior.located + prior.elsewhere);
     filter.proposal.condition_on(&images.components, elsewhere);
+    filter.resize_new(count);
     filter.draw_new(&prior);
     filter.observation = before;
     positions_m(&filter.new_hypotheses)
@@ -189,8 +198,8 @@ fn positions_m(hypotheses: &[Hypothesis]) -> Vec<[f64; 3]> {
     positions_m.collect()
 }
 
-/// Returns the weights times likelihood ratios, and their sum; `None` if no particle is possible, as with few of them where the target was predicted.
-fn weighted(drawn: &Drawn, log_ratios: &[f32]) -> Option<(Vec<f64>, f64)> {
+/// Returns the weights times likelihood ratios, and their sum, which is 0 if no particle is possible, as with few of them where the target was predicted.
+fn weighted(drawn: &Drawn, log_ratios: &[f32]) -> (Vec<f64>, f64) {
     let ratio = |log: &f32| {
         if log.is_nan() {
             0.0
@@ -201,7 +210,7 @@ fn weighted(drawn: &Drawn, log_ratios: &[f32]) -> Option<(Vec<f64>, f64)> {
     let products = drawn.weights.iter().zip(log_ratios);
     let products: Vec<f64> = products.map(|(w, log)| w * ratio(log)).collect();
     let sum: f64 = products.iter().sum();
-    (sum > 0.0).then(|| (products.iter().map(|w| w / sum).collect(), sum))
+    (products.iter().map(|w| w / sum).collect(), sum)
 }
 
 /// Runs one update and compares the complete result with the oracle.
@@ -225,7 +234,7 @@ fn check_update(filter: &mut BernoulliFilter, images: &Images) {
         components: &images.components,
     };
 
-    let first_m = first_positions_m(filter, images);
+    let first_m = first_positions_m(filter, images, before.first_count());
     let mut answers: Vec<Vec<f32>> = Vec::new();
     filter.update(
         &images.components,
@@ -245,29 +254,43 @@ fn check_update(filter: &mut BernoulliFilter, images: &Images) {
     let resampling = draws.uniform(0, observation, Stage::Resampling);
     let births = |i: usize| draws.uniform(i as u32, observation, Stage::Proposal);
     let mut drawn = before.first_draw(&first_m, resampling, births);
-    let Some((mut expected, sum)) = weighted(&drawn, first_answer) else {
+    let (mut expected, mut sum) = weighted(&drawn, first_answer);
+    let is_drawn_again = before.is_drawn_again(&expected);
+    let needed = before.needed(&expected).filter(|_| !is_drawn_again);
+    if let Some(needed) = needed {
+        assert_eq!((answers.len(), answers[1].len()), (2, needed));
+        if answers[1]
+            .iter()
+            .all(|log| log.is_nan() || *log == f32::NEG_INFINITY)
+        {
+            assert!((0.0..=1.0).contains(&filter.existence()));
+            return;
+        }
+        drawn = before.first_draw(&positions_m(&filter.hypotheses), resampling, births);
+        (expected, sum) = weighted(&drawn, &answers[1]);
+    }
+    if sum == 0.0 {
         assert!((0.0..=1.0).contains(&filter.existence()));
         return;
-    };
+    }
     let evidence = sum.min(exists * images.max_log_ratio.exp());
     let existence = evidence / (evidence + absent);
     check(filter.existence(), existence, "existence");
     check(1.0 - filter.existence(), 1.0 - existence, "absence");
 
-    let is_drawn_again = before.is_drawn_again(&expected);
-    assert_eq!(answers.len(), 1 + usize::from(is_drawn_again));
+    let is_first_kept = !is_drawn_again && needed.is_none();
+    assert_eq!(answers.len(), if is_first_kept { 1 } else { 2 });
     if is_drawn_again {
         let uniforms = |i: usize| {
             let [_, jump, birth, _] = draws.uniforms(i as u32, observation, Stage::Moments);
             [jump, birth]
         };
         drawn = before.moment_matched_draw(&positions_m(&filter.hypotheses), uniforms);
-        let Some((weights, _)) = weighted(&drawn, &answers[1]) else {
-            assert!((0.0..=1.0).contains(&filter.existence()));
+        (expected, sum) = weighted(&drawn, &answers[1]);
+        if sum == 0.0 {
             return;
-        };
-        expected = weights;
-    } else {
+        }
+    } else if is_first_kept {
         assert_eq!(positions_m(&filter.hypotheses), first_m);
     }
     for (i, (found, expected)) in filter.weights.iter().zip(&expected).enumerate() {

@@ -64,7 +64,7 @@ impl BernoulliFilter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bernoulli::BernoulliSettings;
+    use crate::bernoulli::{BernoulliSettings, ParticleRange};
     use crate::gaussian::{GaussianStart, diagonal_m2};
     use crate::motion::Motion;
     use pardalis_core::rng::Draws;
@@ -89,7 +89,7 @@ mod tests {
     #[test]
     fn the_density_is_the_oracles() {
         let settings = BernoulliSettings {
-            particle_count: 50,
+            particles: ParticleRange::fixed(50),
             ..BernoulliSettings::of(Motion::DEFAULT)
         };
         let mut filter = BernoulliFilter::new(settings, Draws::new(3, 0)).unwrap();

@@ -101,6 +101,7 @@ class Target:
         turns: bool = True,
         ground_z_m: float = 0.0,
         particle_count: int = 500,
+        min_particle_count: int | None = None,
         max_count: int | None = None,
     ) -> Target: ...
     @staticmethod
@@ -115,6 +116,7 @@ class Target:
         acceleration_density_m2ps3: float | None = None,
         ground_z_m: float = 0.0,
         particle_count: int = 500,
+        min_particle_count: int | None = None,
         max_count: int | None = None,
     ) -> Target: ...
     def with_boxes(

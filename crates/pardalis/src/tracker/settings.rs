@@ -8,6 +8,7 @@ use crate::shape::{Shape, Sphere, SphereOutline};
 use crate::start::Start;
 use crate::tuning::Tuning;
 use pardalis_core::Error;
+use pardalis_filter::bernoulli::ParticleRange;
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
 use pardalis_filter::particle_filter::FilterSettings;
@@ -129,8 +130,8 @@ pub struct DetectedSettings {
     /// Motion model: white noise on velocity or position; see
     /// [`BernoulliFilter::new`](pardalis_filter::bernoulli::BernoulliFilter::new).
     pub motion: Motion,
-    /// The number of particles.
-    pub particle_count: usize,
+    /// The numbers of particles.
+    pub particles: ParticleRange,
     /// Rates of appearance, disappearance and occlusion.
     pub existence: ExistenceSettings,
     /// The position at first, if it is known.
@@ -140,8 +141,8 @@ pub struct DetectedSettings {
 }
 
 impl DetectedSettings {
-    /// The default number of particles. Few suffice, because they are drawn at detections.
-    pub const PARTICLE_COUNT: usize = 500;
+    /// The default numbers of particles. Few suffice, because they are drawn at detections.
+    pub const PARTICLES: ParticleRange = ParticleRange::fixed(500);
 
     /// Returns the default settings for a ball with a radius in metres.
     ///
@@ -161,7 +162,7 @@ impl DetectedSettings {
             edge: EdgeSettings::default(),
             detector: None,
             motion: on_ground(ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into(), &shape),
-            particle_count: Self::PARTICLE_COUNT,
+            particles: Self::PARTICLES,
             existence: ExistenceSettings::default(),
             start: None,
             tuning: Tuning::default(),
@@ -267,8 +268,8 @@ pub struct BoxedSettings {
     pub detector: DetectorSettings,
     /// Motion model, as in [`DetectedSettings::motion`].
     pub motion: Motion,
-    /// The number of particles.
-    pub particle_count: usize,
+    /// The numbers of particles.
+    pub particles: ParticleRange,
     /// Rates of appearance, disappearance and occlusion.
     pub existence: ExistenceSettings,
     /// The position at first, if it is known.
@@ -282,7 +283,7 @@ impl BoxedSettings {
             shape,
             detector: DetectorSettings::default(),
             motion: on_ground(Self::motion_of(&shape).into(), &shape),
-            particle_count: DetectedSettings::PARTICLE_COUNT,
+            particles: DetectedSettings::PARTICLES,
             existence: Self::existence_of(&shape),
             start: None,
         }

@@ -3,7 +3,9 @@
 
 use nalgebra::Vector3;
 use pardalis_core::rng::{Draws, Stage};
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
+use pardalis_filter::bernoulli::{
+    BernoulliFilter, BernoulliSettings, MeasurementComponent, ParticleRange,
+};
 use pardalis_filter::gaussian::diagonal_m2;
 
 use super::{DENSITY_M2PS3, filter, velocity};
@@ -26,7 +28,7 @@ fn settings() -> BernoulliSettings {
     let mut settings = BernoulliSettings::of(velocity());
     // The standard deviation of detections is four times that which a step adds to a position, so that velocities
     // sampled at a birth matter for long.
-    settings.particle_count = 2000;
+    settings.particles = ParticleRange::fixed(2000);
     settings.birth_rate_hz = RATE_HZ;
     settings.death_rate_hz = RATE_HZ;
     settings.relocation_rate_hz = RATE_HZ;

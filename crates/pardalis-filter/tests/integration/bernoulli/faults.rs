@@ -1,7 +1,9 @@
 //! Rejected settings, and robustness against arbitrary inputs.
 
 use pardalis_core::rng::Draws;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
+use pardalis_filter::bernoulli::{
+    BernoulliFilter, BernoulliSettings, MeasurementComponent, ParticleRange,
+};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{
     AccelerationNoise, ConstantAcceleration, ConstantVelocity, JumpChance, Jumps, Motion,
@@ -42,8 +44,16 @@ fn unsupported_motion_and_settings_out_of_range_are_rejected() {
         );
     }
     let good = lively();
-    let breaks: [(Break, &str); 6] = [
-        (|settings| settings.particle_count = 0, "particles"),
+    let breaks: [(Break, &str); 8] = [
+        (
+            |settings| settings.particles = ParticleRange::fixed(0),
+            "particles is 0",
+        ),
+        (|settings| settings.particles.min = 0, "min_particles is 0"),
+        (
+            |settings| settings.particles.min = 501,
+            "min_particles is 501; allowed: 1 to 500",
+        ),
         (|settings| settings.birth_rate_hz = -1.0, "birth_rate_hz"),
         (
             |settings| settings.death_rate_hz = f64::NAN,
@@ -177,7 +187,7 @@ proptest! {
         ),
     ) {
         let mut settings = BernoulliSettings::of(motion);
-        settings.particle_count = 37;
+        settings.particles = ParticleRange { min: 20, max: 37 };
         [settings.birth_rate_hz, settings.death_rate_hz, settings.relocation_rate_hz] = rates_hz;
         settings.birth_density = birth_density;
         let mut filter = filter(settings, 9);

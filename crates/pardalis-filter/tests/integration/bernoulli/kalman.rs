@@ -3,7 +3,9 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
+use pardalis_filter::bernoulli::{
+    BernoulliFilter, BernoulliSettings, MeasurementComponent, ParticleRange,
+};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 
 use super::{
@@ -101,17 +103,20 @@ pub(super) fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str
 }
 
 /// Filters the measurements with 100 seeds, with or without measurement components, and compares the estimates with
-/// the Kalman filter. Returns the average and the greatest scatter of positions, in σ/√N.
+/// the Kalman filter. Returns the average and the greatest scatter of positions, in σ/√N, where N is the least number of particles.
 fn check_against_kalman(
     start: &GaussianStart,
     covariance_m2: Matrix3<f64>,
     has_components: bool,
+    particles: ParticleRange,
 ) -> (f64, f64) {
     const SEEDS: u32 = 100;
+    let mut settings = certain(velocity());
+    settings.particles = particles;
     let mut kalman = Kalman::new(start);
     let mut filters: Vec<_> = (0..SEEDS)
         .map(|seed| {
-            let mut filter = filter(certain(velocity()), seed);
+            let mut filter = filter(settings, seed);
             filter.start(start, 1.0).unwrap();
             filter
         })
@@ -182,8 +187,65 @@ fn check_against_kalman(
             "step {step}: {off}, allowed {allowed}"
         );
     }
+    let of_least = (particles.min as f64 / PARTICLES as f64).sqrt();
     let average = scatters.iter().sum::<f64>() / scatters.len() as f64;
-    (average, scatters.iter().copied().fold(0.0, f64::max))
+    let widest = scatters.iter().copied().fold(0.0, f64::max);
+    (of_least * average, of_least * widest)
+}
+
+/// A constant number of particles, and as many as are needed.
+const RANGES: [ParticleRange; 2] = [ParticleRange::fixed(PARTICLES), FEW_OR_MANY];
+const FEW_OR_MANY: ParticleRange = ParticleRange {
+    min: 200,
+    max: PARTICLES,
+};
+
+#[test]
+fn updates_draw_as_many_particles_as_they_need() {
+    let range = FEW_OR_MANY;
+    let mut settings = certain(velocity());
+    settings.particles = range;
+    let mut filter = filter(settings, 1);
+    filter.start(&START, 1.0).unwrap();
+    assert_eq!(filter.particles().count(), range.max);
+    let component = |covariance_m2: &Matrix3<f64>| MeasurementComponent {
+        position_m: START.position_m,
+        covariance_m2: entries(covariance_m2),
+        log_weight: 3.0,
+    };
+    let covariance_m2 = slanted(0.1, 0.1);
+    let place = Vector3::from(START.position_m);
+    let mut counts = Vec::new();
+    let mut update = |components: &[MeasurementComponent], sharpness: f64| {
+        filter.predict(0.04);
+        let ratio = gaussian_ratio(place, covariance_m2 / sharpness, 0.0);
+        counts.clear();
+        filter.update(components, f64::INFINITY, |particles, out| {
+            ratio(particles, out);
+            counts.push(particles.count());
+        });
+        assert_eq!(filter.particles().count(), filter.weights().len());
+        assert_eq!(counts.last(), Some(&filter.weights().len()));
+        let effective = filter.estimate(0.0).unwrap().effective_sample_size;
+        (counts.clone(), effective)
+    };
+    // The images are what was detected.
+    let component = component(&covariance_m2);
+    for _ in 0..3 {
+        assert_eq!(update(&[component], 1.0).0, [range.min]);
+    }
+    // Nothing was detected.
+    assert_eq!(update(&[], 1.0).0, [range.max]);
+    assert_eq!(update(&[component], 1.0).0, [range.min]);
+    // The images say more than was detected: few of the first are effective, and others are drawn.
+    let (counts, effective) = update(&[component], 3.0);
+    assert!(counts.len() == 2 && counts[0] == range.min, "{counts:?}");
+    assert!(
+        (range.min + 1..range.max).contains(&counts[1]),
+        "{counts:?}"
+    );
+    let least = settings.proposal.effective_share * range.min as f64;
+    assert!(effective > 0.8 * least, "{effective}, {least}");
 }
 
 #[test]
@@ -195,16 +257,22 @@ fn sharp_measurements_agree_with_the_kalman_filter() {
         ..START
     };
     for covariance_m2 in [slanted(0.001, 0.001), slanted(0.006, 0.0003)] {
-        let (average, widest) = check_against_kalman(&start, covariance_m2, true);
-        assert!(average < 2.0 && widest < 6.0, "{average} {widest}");
+        for particles in RANGES {
+            let (average, widest) = check_against_kalman(&start, covariance_m2, true, particles);
+            assert!(average < 2.0 && widest < 6.0, "{average} {widest}");
+        }
     }
 }
 
 #[test]
 fn broad_measurements_agree_with_the_kalman_filter() {
     for has_components in [true, false] {
-        let (average, widest) = check_against_kalman(&START, slanted(0.15, 0.05), has_components);
-        assert!(average < 7.0 && widest < 15.0, "{average} {widest}");
+        for particles in RANGES {
+            let covariance_m2 = slanted(0.15, 0.05);
+            let (average, widest) =
+                check_against_kalman(&START, covariance_m2, has_components, particles);
+            assert!(average < 7.0 && widest < 15.0, "{average} {widest}");
+        }
     }
 }
 

@@ -12,7 +12,9 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, Vector3};
 use pardalis_core::rng::{Draws, Stage};
 use pardalis_filter::Particles;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
+use pardalis_filter::bernoulli::{
+    BernoulliFilter, BernoulliSettings, MeasurementComponent, ParticleRange,
+};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::motion::{ConstantVelocity, Motion, PositionNoise, RandomWalk, VelocityNoise};
 
@@ -36,6 +38,7 @@ fn walk(density_m2ps: f64) -> Motion {
 /// Returns settings without births, deaths and relocations.
 fn certain(motion: Motion) -> BernoulliSettings {
     let mut settings = BernoulliSettings::of(motion);
+    settings.particles = ParticleRange::fixed(PARTICLES);
     settings.birth_rate_hz = 0.0;
     settings.death_rate_hz = 0.0;
     settings.relocation_rate_hz = 0.0;
@@ -45,6 +48,7 @@ fn certain(motion: Motion) -> BernoulliSettings {
 /// Returns settings with births, deaths and relocations at different rates.
 fn lively() -> BernoulliSettings {
     let mut settings = BernoulliSettings::of(velocity());
+    settings.particles = ParticleRange::fixed(PARTICLES);
     settings.birth_rate_hz = 0.3;
     settings.death_rate_hz = 0.2;
     settings.relocation_rate_hz = 0.15;

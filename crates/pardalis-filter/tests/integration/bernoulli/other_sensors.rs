@@ -73,11 +73,7 @@ fn noise(seed: u32, step: usize, stage: Stage) -> Vector3<f64> {
 }
 
 fn started(seed: u32) -> BernoulliFilter {
-    let mut c = certain(velocity());
-    if let Ok(n) = std::env::var("COUNT") {
-        c.particle_count = n.parse().unwrap();
-    }
-    let mut filter = filter(c, seed);
+    let mut filter = filter(certain(velocity()), seed);
     filter.start(&START, 1.0).unwrap();
     filter
 }

@@ -1,6 +1,7 @@
 //! Settings of detected targets.
 
 use pardalis::color::{ColorModel, YuvEncoding};
+use pardalis::filter::bernoulli::ParticleRange;
 use pardalis::likelihood::{Cue, EdgeSettings};
 use pardalis::tracker::{BodySettings, DetectedSettings, ExistenceSettings, SizeTolerance};
 use pardalis::{Frame, PixelFormat};
@@ -205,15 +206,45 @@ fn detectors_without_files_and_with_other_cues_are_rejected_by_key() {
 }
 
 #[test]
+fn numbers_of_particles_are_read_and_checked() {
+    for (text, min, max) in [
+        ("filter.particles = 300", 300, 300),
+        ("filter.min_particles = 100", 100, 500),
+        ("filter = { particles = 300, min_particles = 20 }", 20, 300),
+    ] {
+        assert_eq!(
+            detected(text).particles,
+            ParticleRange { min, max },
+            "{text}"
+        );
+    }
+    assert_rejected(
+        without_start,
+        &[
+            (
+                "filter.min_particles = 501",
+                "targets.ball.filter.min_particles",
+                "is 501, and there are at most 500",
+            ),
+            (
+                "filter.min_particles = 0",
+                "targets.ball.filter.min_particles",
+                "1 to 1000000",
+            ),
+        ],
+    );
+}
+
+#[test]
 fn targets_without_start_are_detected_with_the_defaults_of_the_library() {
     let found = detected("");
     assert_eq!(found.edge, EdgeSettings::default());
     assert_eq!(found.start, None);
     assert_eq!(found.existence, ExistenceSettings::default());
-    assert_eq!(found.particle_count, 500);
+    assert_eq!(found.particles, ParticleRange::fixed(500));
     let default = DetectedSettings::new(found.shape, found.colors.clone());
     assert_eq!(found.motion, default.motion);
-    assert_eq!(found.particle_count, default.particle_count);
+    assert_eq!(found.particles, default.particles);
 
     let found = detected(
         "edge = { correspondence_lines = 100, likelihood_exponent = 0.3, shared_sigma_px = 0.1, learned_profile = false, lit_and_shaded_profiles = false, color_evidence = false, illumination_adaptation = false }\nexistence = { birth_rate_hz = 2, occlusion_rate_hz = 0.25 }\n\

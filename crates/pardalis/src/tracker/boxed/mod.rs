@@ -110,7 +110,7 @@ impl BoxedTarget {
         let reach_m = reaches_m.fold(shape.diameter_m(), f64::max);
         let birth_density = libm::pow(reach_m, if motion.is_planar() { -2.0 } else { -3.0 });
         let mut filter = BernoulliSettings::of(motion);
-        filter.particle_count = settings.particle_count;
+        filter.particles = settings.particles;
         filter.birth_rate_hz = existence.birth_rate_hz;
         filter.death_rate_hz = existence.death_rate_hz;
         filter.relocation_rate_hz = existence.relocation_rate_hz;

@@ -155,7 +155,7 @@ impl DetectedTarget {
         let extent_m = tuning.existence.birth_diameters * shape.diameter_m();
         let birth_density = libm::pow(extent_m, if is_planar { -2.0 } else { -3.0 });
         let mut filter = BernoulliSettings::of(motion);
-        filter.particle_count = settings.particle_count;
+        filter.particles = settings.particles;
         filter.birth_rate_hz = existence.birth_rate_hz;
         filter.death_rate_hz = existence.death_rate_hz;
         filter.relocation_rate_hz = existence.relocation_rate_hz;
