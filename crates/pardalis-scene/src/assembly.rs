@@ -1,10 +1,10 @@
 //! From the settings of a scene to its tracker, with what the caller reads of its files.
 
+use super::body::BodyConfig;
 use super::camera::CameraConfig;
 use super::journal::Problem;
 use super::platform::PlatformMotion;
 use super::start::{StartConfig, TrackStart};
-use super::target::BodyConfig;
 use super::{PlatformConfig, Scene};
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, CueSettings};

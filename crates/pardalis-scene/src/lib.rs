@@ -4,6 +4,7 @@
 
 mod appearance;
 mod assembly;
+mod body;
 pub mod calibration;
 mod camera;
 mod camera_names;
@@ -13,6 +14,7 @@ pub mod description;
 mod detector;
 mod existence;
 pub mod experiment;
+mod filter;
 mod guesses;
 mod journal;
 mod key;
@@ -28,6 +30,7 @@ mod replaced;
 mod schema;
 mod setting;
 mod shape;
+mod shared;
 mod start;
 mod target;
 mod timing;
@@ -35,6 +38,7 @@ mod video;
 mod world;
 
 pub use assembly::{Assembly, Files};
+pub use body::{BodyConfig, TrackingConfig};
 pub use camera::{
     CameraConfig, FrameRange, Input, Inputs, MaskCircle, ReadCalibration, is_rectified,
 };
@@ -45,7 +49,7 @@ pub use journal::{Located, Problem};
 pub use plane::RectangleConfig;
 pub use platform::{PlatformConfig, PlatformMotion};
 pub use start::{StartConfig, TrackStart};
-pub use target::{BodyConfig, TargetConfig, TrackingConfig};
+pub use target::TargetConfig;
 pub use video::{
     DeviceCodec, Hardware, Protocol, RtspTransport, VideoFormat, VideoInput, VideoPlace,
     VideoSettings, WhenBehind,
