@@ -79,7 +79,8 @@ impl Shape {
 ///
 /// `radius_tolerance` is the standard deviation of a ball's radius as a share of it, or `None` if the radius is a guess that several
 /// cameras are to improve. `turns` says whether a box or rectangle turns about the vertical; `ground_z_m` is the height of the ground
-/// for all shapes but balls. With `max_count`, the target is any number of bodies that look alike, of which as many are tracked at once
+/// for all shapes but balls. There are `particle_count` particles or, with `min_particle_count`, as many of them as an image needs: fewer are
+/// faster, and velocities noisier. With `max_count`, the target is any number of bodies that look alike, of which as many are tracked at once
 /// (`Tracker.members`).
 #[pyclass(frozen, module = "pardalis")]
 #[derive(Debug, Clone)]

@@ -142,6 +142,7 @@ def test_colours_are_written_and_read_again(tmp_path):
         (lambda t: t.estimate("cup"), 'there is no target "cup"; allowed: ball'),
         (lambda t: tracker_of(max_count=0), "max_count is out of range"),
         (lambda t: tracker_of(radius_tolerance=2), "radius_tolerance is out of range"),
+        (lambda t: tracker_of(min_particle_count=501), "min_particles is 501; allowed: 1 to 500"),
         (lambda t: tracker_of(radius_tolerance=None), "one camera does not tell size from distance"),
         (lambda t: Tracker({}, {}), "the list of cameras is empty"),
         (lambda t: Shape.ball(-1), "radius_m is -1"),
