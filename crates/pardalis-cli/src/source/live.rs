@@ -46,10 +46,12 @@ const PAUSES: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(2
 const SAME_CLOCK_S: f64 = 1.0;
 
 /// The first frames after a clock was set may have come late, and those that follow catch up. They have caught up once no frame was quicker by
-/// [`QUICKER_S`] for [`SETTLED_S`]. Streams that go on being faster than their time stamps for [`UNSETTLED_S`] are not sent in real time. All in seconds.
+/// [`QUICKER_S`] for [`SETTLED_S`]. Streams that go on being faster than their time stamps for [`UNSETTLED_S`] are not sent in real time. Frames as quick as
+/// the quickest before the clock was set may be rare: they are awaited for [`FOLLOWED_S`]. All in seconds.
 const QUICKER_S: f64 = 0.005;
 const SETTLED_S: f64 = 1.0;
 const UNSETTLED_S: f64 = 10.0;
+const FOLLOWED_S: f64 = 60.0;
 
 /// Returns the longest wait for a frame of a live source.
 pub(super) fn timeout(video: &VideoInput) -> Duration {
@@ -172,13 +174,15 @@ struct Settling {
     /// The shortest delay since, up to [`QUICKER_S`], and since when, in seconds.
     least_s: f64,
     since_s: f64,
+    /// Whether frames have caught up.
+    has_settled: bool,
 }
 
 impl SteadyClock {
     /// Returns the time of a frame with this time stamp that arrives at this time, in seconds, and the jump of the time stamps
     /// if they jumped while the source was open.
     ///
-    /// After a jump, the first frame is taken for a quick one. If later ones turn out to be quicker, the times go back once by the difference.
+    /// After a jump, the first frame is taken for a quick one. If later ones turn out to be quicker, the times go back by the difference.
     fn time_at_s(&mut self, stamp_s: f64, arrival_s: f64) -> (f64, Option<f64>) {
         let mut time_s = stamp_s + self.offset_s;
         let mut jump_s = None;
@@ -198,6 +202,7 @@ impl SteadyClock {
                     begin_s: arrival_s,
                     least_s: arrival_s - time_s,
                     since_s: arrival_s,
+                    has_settled: false,
                 });
             }
         }
@@ -216,7 +221,8 @@ impl SteadyClock {
     fn settled_ahead_s(&mut self, arrival_s: f64) -> Option<f64> {
         let settling = self.settling.as_mut()?;
         let least_s = self.arrivals.least_delay_s()?;
-        if arrival_s - settling.begin_s > UNSETTLED_S {
+        let limit_s = [UNSETTLED_S, FOLLOWED_S][usize::from(settling.has_settled)];
+        if arrival_s - settling.begin_s > limit_s {
             self.settling = None;
             return None;
         }
@@ -224,13 +230,13 @@ impl SteadyClock {
             settling.least_s = least_s;
             settling.since_s = arrival_s;
         }
-        if arrival_s - settling.since_s < SETTLED_S {
+        settling.has_settled |= arrival_s - settling.since_s >= SETTLED_S;
+        if !settling.has_settled {
             return None;
         }
-        let before = self.settling.take()?.before;
-        let ahead_s = before.least_delay_s()? - least_s;
-        self.arrivals = before;
-        Some(ahead_s)
+        let ahead_s = settling.before.least_delay_s()? - least_s;
+        self.arrivals.clone_from(&settling.before);
+        (ahead_s > 0.0).then_some(ahead_s)
     }
 }
 
@@ -424,6 +430,23 @@ mod tests {
                 .iter()
                 .all(|ahead_s| ahead_s.abs() < 1e-9)
         );
+    }
+
+    #[test]
+    fn times_follow_rare_quick_frames_after_the_clock_was_set() {
+        // Ten frames a second that take 30 ms, and 20 ms every four seconds.
+        let delay_s = |number: i32| if number % 40 == 0 { 0.02 } else { 0.03 };
+        let mut clock = SteadyClock::default();
+        let mut ahead_s = Vec::new();
+        for number in 0..1000 {
+            let taken_s = 0.1 * f64::from(number);
+            let set_s = if number < 50 { 0.0 } else { 3600.0 };
+            let (time_s, _) = clock.time_at_s(taken_s + set_s, taken_s + delay_s(number));
+            ahead_s.push(time_s - taken_s);
+        }
+        assert!(ahead_s[50..80].iter().all(|s| (s - 0.01).abs() < 1e-9));
+        let others = ahead_s[..50].iter().chain(&ahead_s[80..]);
+        assert!(others.clone().all(|s| s.abs() < 1e-9), "{ahead_s:?}");
     }
 
     #[test]
