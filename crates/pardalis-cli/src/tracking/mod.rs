@@ -7,6 +7,7 @@ mod candidate_rows;
 mod crossing_rows;
 #[cfg(feature = "studio")]
 mod earlier;
+mod extras;
 mod frame_sets;
 mod latency;
 mod marks;
@@ -51,31 +52,27 @@ use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
 use crate::user_error::user_error;
-use annotate::Annotator;
 use camera_rows::CameraRows;
 use candidate_rows::CandidateRows;
 use crossing_rows::CrossingRows;
 #[cfg(feature = "studio")]
 pub(crate) use earlier::earlier_runs;
+use extras::Extras;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
 use latency::{Latencies, Latency};
 pub(crate) use merge::{FrameSet, Limit, Merge};
 use missed::MissedFrames;
-use particle_rows::ParticleRows;
 pub(crate) use previous::{is_previous, previous_of};
-use recorder::Recorder;
 #[cfg(feature = "studio")]
 pub(crate) use recording::{RecordedCamera, Recording};
 use rows::Rows;
 pub(crate) use sender::Destination;
-use sender::Sender;
 pub(crate) use series::{CrowdCounts, SeriesCollector, truth_series};
 use smoothed::SmoothedTracks;
 pub(crate) use summary::FILE as SUMMARY;
 pub(crate) use tracked::Tracked;
 pub(crate) use watch::Watch;
-use watch::WatchSink;
 #[cfg(feature = "studio")]
 pub(crate) use {marks::CONTOUR_POINTS, watch::written as mark_written};
 
@@ -463,78 +460,6 @@ fn remove_old(folder: &Path) {
         let _ = std::fs::remove_file(file);
     }
     annotate::remove_old(folder);
-}
-
-/// What takes results only because it was asked for. A failure of one does not end the run.
-struct Extras {
-    candidate_rows: Option<CandidateRows>,
-    annotator: Option<Annotator>,
-    particle_rows: Option<ParticleRows>,
-    recorder: Option<Recorder>,
-    senders: Vec<Sender>,
-    watched: Option<WatchSink>,
-}
-
-impl Extras {
-    fn create(scene_path: &Path, open: &OpenScene, options: &Options) -> Result<Self> {
-        let scene = &open.scene;
-        let folder = match &options.output {
-            Output::Folder(folder) => Some(folder),
-            Output::Stdout => None,
-        };
-        let annotated = folder.filter(|_| options.annotate != Annotate::No);
-        let annotator = annotated.map(|folder| Annotator::create(folder, scene, options));
-        let explained = folder.filter(|_| options.explain);
-        let candidate_rows = explained.map(|folder| CandidateRows::create(folder, scene));
-        let particles = options.particles.as_ref();
-        let particle_rows = particles.map(|path| ParticleRows::create(path, scene));
-        let recorder = options
-            .mcap
-            .as_ref()
-            .map(|path| Recorder::create(path, scene));
-        let senders = options.send.iter().map(|to| Sender::start(to, scene));
-        let watch = options.watch.as_ref();
-        Ok(Self {
-            annotator: annotator.transpose()?,
-            candidate_rows: candidate_rows.transpose()?,
-            particle_rows: particle_rows.transpose()?,
-            recorder: recorder.transpose()?,
-            senders: senders.collect::<Result<_>>()?,
-            watched: watch
-                .map(|watch| watch.sink(scene_path, scene, &open.tracker))
-                .transpose()?,
-        })
-    }
-
-    fn sinks(&mut self) -> Vec<&mut dyn Sink> {
-        fn sink<S: Sink>(sink: &mut S) -> &mut dyn Sink {
-            sink
-        }
-        let sinks = [
-            self.candidate_rows.as_mut().map(sink),
-            self.annotator.as_mut().map(sink),
-            self.particle_rows.as_mut().map(sink),
-            self.recorder.as_mut().map(sink),
-            self.watched.as_mut().map(sink),
-        ];
-        let senders = self.senders.iter_mut().map(sink);
-        sinks.into_iter().flatten().chain(senders).collect()
-    }
-
-    /// Ends them. Returns what was sent, in words, the files, and whether the recording is complete.
-    fn finish(self, options: &Options) -> (Vec<String>, Vec<PathBuf>, Result<()>) {
-        let sent = self.senders.into_iter().map(Sender::finish).collect();
-        let candidates = self.candidate_rows.map(|rows| rows.path().to_owned());
-        let annotated = self
-            .annotator
-            .map(|annotator| annotator.folder().to_owned());
-        let files = candidates.into_iter().chain(annotated);
-        let files = files
-            .chain(options.particles.clone())
-            .chain(options.mcap.clone());
-        let recorded = self.recorder.map_or(Ok(()), Recorder::finish);
-        (sent, files.collect(), recorded)
-    }
 }
 
 /// Everything that takes the results of a run.
