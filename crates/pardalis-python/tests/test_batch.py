@@ -42,14 +42,6 @@ def scene(world, tmp_path):
     return tmp_path / "world" / "scene.toml"
 
 
-@pytest.fixture(autouse=True)
-def interrupts():
-    """Interrupts reach the tests, also where a shell that runs them in the background has switched them off."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 @pytest.fixture
 def calls(monkeypatch):
     """The commands that are run, one after the other."""
