@@ -79,8 +79,21 @@ export function boardTold(app, board) {
     rare = rareOf(board ?? {});
     app.render();
   } else if (document.getElementById("board-now")) {
-    replaceChildren(document.getElementById("board-now"), nowOf(board));
+    showNow(document.getElementById("board-now"), board);
   }
+}
+
+/** Shows what is new, and leaves the list of what was left out in its place: it could not be clicked or focused if it came anew with each picture. */
+function showNow(place, board) {
+  const [advice, seen, count, leftOut] = nowOf(board);
+  const list = leftOut && document.getElementById("board-left-out");
+  if (!list) {
+    replaceChildren(place, [advice, seen, count, leftOut]);
+    return;
+  }
+  list.querySelector("ul").replaceChildren(...leftOut.querySelector("ul").children);
+  [...place.children].filter((child) => child !== list).forEach((child) => child.remove());
+  place.prepend(...[advice, seen, count].filter(Boolean));
 }
 
 function nowOf(board) {
