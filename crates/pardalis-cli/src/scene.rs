@@ -48,7 +48,7 @@ pub(crate) struct OpenScene {
     pub(crate) tracker: Tracker,
 }
 
-/// What is known of live cameras when a scene is opened.
+/// Live cameras that are open already when a scene is opened, and what ends the wait for others.
 #[derive(Default)]
 pub(crate) struct Live {
     /// Ends the wait for a camera.
@@ -185,7 +185,7 @@ pub(crate) fn open(
     open_with(path, scene, seed, stills, &mut live)
 }
 
-/// Opens all files of a scene as [`open`] does, with what is known of its live cameras.
+/// Opens all files of a scene as [`open`] does, but takes live cameras that are open already.
 ///
 /// Errors: also if it is to stop while a live camera is waited for.
 pub(crate) fn open_with(

@@ -393,7 +393,7 @@ impl BernoulliFilter {
         log_ratios: &mut impl FnMut(&Particles, &mut [f32]),
     ) -> f64 {
         let ParticleRange { min, max } = self.settings.particles;
-        // Without components, nothing tells how many predict the position at which the target will be seen again.
+        // Without components, it is unknown where the target will be seen again, and with it how many particles suffice.
         let first = if self.proposal.is_empty() { max } else { min };
         let log_exists = self.draw(first, prior, log_ratios);
         // The moment-matched particles estimate the position better, the first draw the existence.
