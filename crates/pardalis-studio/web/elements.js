@@ -34,6 +34,17 @@ function selectAtFirst(input) {
   });
 }
 
+/** What people have opened or closed, by its id. */
+const opened = new Map();
+
+/** Makes a part that people open and close, and that stays so when it is made anew. */
+export function disclosure(id, title, children, isOpen = false) {
+  // The event `toggle` comes only after the click, and there may be another element by then.
+  const summary = el("summary", { onclick: () => opened.set(id, !details.open) }, title);
+  const details = el("details", { id, open: opened.get(id) ?? isOpen }, summary, children);
+  return details;
+}
+
 /** Makes a choice among values, `[value, text]` each. */
 export function choice(options, value, onchange, attributes = {}) {
   const select = el("select", { onchange: () => onchange(select.value), ...attributes });

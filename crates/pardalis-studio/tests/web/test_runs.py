@@ -164,10 +164,17 @@ def test_wrong_settings_and_runs_are_refused_with_their_remedy(studio, jump):
     before = one.ask("state")["text"]
     one.step("track")
     track(page)
-    page.click("#settings summary")
-    page.fill("#seed", "1.5")
-    page.keyboard.press("Tab")
+    # What was opened stays open, even if the page changes at once.
+    page.locator("#settings").evaluate(
+        """(settings) => {
+            settings.querySelector("summary").click();
+            const seed = settings.querySelector("#seed");
+            seed.value = "1.5";
+            seed.dispatchEvent(new Event("change"));
+        }"""
+    )
     expect(page.locator("#messages")).to_contain_text("Type a whole number.")
+    expect(page.locator("#particles-ball")).to_be_visible()
     page.fill("#particles-ball", "0")
     page.keyboard.press("Tab")
     expect(page.locator("#messages")).to_contain_text("targets.ball.filter.particles: ")

@@ -1,6 +1,6 @@
 // A board that is held up to a camera: what it shows so far, the calibration and its report.
 
-import { button, choice, el, field, fixed, replaceChildren } from "../elements.js";
+import { button, choice, disclosure, el, field, fixed, replaceChildren } from "../elements.js";
 
 const KINDS = { checkerboard: "Checkerboard", charuco: "ChArUco board", aprilgrid: "AprilGrid" };
 const UNITS = { mm: 1e-3, cm: 1e-2, m: 1 };
@@ -104,11 +104,9 @@ function nowOf(board) {
     el("p", { class: "now", id: "board-advice" }, advice ?? (fitted ? "Calibrated: use it, or show more views." : "These views are enough: calibrate.")),
     board.is_looking && el("p", { class: "none", id: "board-seen" }, `Now: ${seen}.`),
     el("p", { id: "board-count" }, el("strong", {}, `${names.length} view${names.length === 1 ? "" : "s"}`), ` · ${fixed(100 * share, 0)} % of the image · ${tilted} tilted`),
-    leftOut.length > 0 && el("details", { id: "board-left-out", open: isOpen }, el("summary", { onclick: () => { isOpen = !isOpen; } }, "Left out"), el("ul", {}, leftOut.map(({ reason, count, last }) => el("li", {}, `${count} × ${reason} (last in ${last})`)))),
+    leftOut.length > 0 && disclosure("board-left-out", "Left out", el("ul", {}, leftOut.map(({ reason, count, last }) => el("li", {}, `${count} × ${reason} (last in ${last})`)))),
   ];
 }
-
-let isOpen = false;
 
 function report(app, board) {
   const isUsed = app.state.cameras.find(({ name }) => name === board.camera)?.calibration?.endsWith(".lens.toml");
@@ -118,7 +116,7 @@ function report(app, board) {
     el("p", { id: "board-rms" }, el("strong", {}, name), `: points fit to ${fixed(rms, 2)} pixels`, heldOut !== null && `, points that were held out to ${fixed(heldOut, 2)}`, "."),
     notes.map((note) => el("p", { class: "none" }, note)),
     warnings.length > 0 && el("ul", { class: "problems" }, warnings.map((warning) => el("li", { class: "warning" }, warning))),
-    el("details", {}, el("summary", {}, "Report"), el("pre", { id: "board-report" }, text)),
+    disclosure("report-of-board", "Report", el("pre", { id: "board-report" }, text)),
     button("Use it", async () => (await app.change("use_board")) && app.say("The lens is in the scene."), { id: "use-board", class: isUsed ? "" : "primary" }),
   ];
 }
@@ -128,17 +126,12 @@ function folders(app, camera, { folder, above, entries }, open) {
   const use = (path) => app.change("look_for_board_in", { camera, board: words(), folder: path });
   const inside = entries.filter(({ kind }) => kind === "folder");
   const hasPictures = entries.some(({ kind }) => kind === "image");
-  return el(
-    "details",
-    { id: "board-folder", open: isOfFolder, ontoggle: (event) => { isOfFolder = event.target.open; } },
-    el("summary", {}, "Pictures of it in a folder"),
+  return disclosure("board-folder", "Pictures of it in a folder", [
     el("p", {}, "Taken with this camera and its present settings. Each picture in which the board is found is used."),
     folder && el("p", { class: "folder" }, above !== null && button("↑", () => open(above), { "aria-label": "Folder above" }), hasPictures && button("Use this folder", () => use(folder), { id: "use-folder" }), el("span", { title: folder }, folder)),
     el("ul", { class: "files" }, inside.map(({ name, path }) => el("li", {}, button([el("span", { class: "symbol", "aria-hidden": "true" }, "▸"), name], () => open(path), { class: "entry", title: `Open ${name}` }), button("Use", () => use(path), { "aria-label": `Use the pictures in ${name}` })))),
-  );
+  ]);
 }
-
-let isOfFolder = false;
 
 /** Returns the controls of a camera's board. `listing` is a folder with its entries, and `open` goes to another. */
 export function renderBoard(app, camera, listing, open) {

@@ -1,7 +1,7 @@
 // Step 4: what each target looks like.
 
 import { ask } from "../connection.js";
-import { button, choice, el } from "../elements.js";
+import { button, choice, disclosure, el } from "../elements.js";
 import { drawOutline, drawText } from "../picture.js";
 
 /** The share of the background that is usually taken for an object at most. Hand-set. */
@@ -112,7 +112,7 @@ export const colors = {
       doubts.length > 0 && el("p", { class: "bad", id: "doubts" }, doubts.join(" ")),
       samples.length > 0 && el("label", { class: "check" }, toggle, "Show everything that has these colours"),
       isMarked && about && el("p", { class: "now", id: "share" }, `${(100 * about.share).toFixed(2)} % of this image. Of the labelled object ${Math.round(100 * about.found)} % is found; of the rest ${(100 * about.mistaken).toFixed(2)} % is mistaken for it.`),
-      targets.length > 0 && el("details", {}, el("summary", {}, "Another object"), add),
+      targets.length > 0 && disclosure("another-target", "Another object", add),
     ];
   },
 };

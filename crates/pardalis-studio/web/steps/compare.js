@@ -1,9 +1,6 @@
 // Settings that are changed between runs, and the comparison of the last run with an earlier one.
 
-import { choice, el, field } from "../elements.js";
-
-/** Whether the fields for settings are shown. */
-let isOpen = false;
+import { choice, disclosure, el, field } from "../elements.js";
 
 /** What tells an earlier run from the last: its settings that differ. */
 function optionOf({ number, settings }) {
@@ -43,6 +40,5 @@ export function settingsControl(app) {
     const size = Number.isFinite(radius_m) && el("input", { type: "number", id: `run-diameter-${name}`, min: 0, step: "any", value: Number((200 * radius_m).toPrecision(6)), onchange: setSize });
     return el("div", { class: "row" }, field(`${name}: particles`, whole(`targets.${name}.filter.particles`, `particles-${name}`, particles, 1)), size && field("Diameter in cm", size));
   });
-  const details = el("details", { id: "settings", open: isOpen, ontoggle: () => (isOpen = details.open) }, el("summary", {}, "Change a setting"), field("Seed", whole("seed", "seed", app.state.seed, 0)), targets);
-  return details;
+  return disclosure("settings", "Change a setting", [field("Seed", whole("seed", "seed", app.state.seed, 0)), targets]);
 }

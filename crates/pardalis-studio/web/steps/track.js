@@ -1,7 +1,7 @@
 // Step 6: the run.
 
 import { ask } from "../connection.js";
-import { button, el, fixed } from "../elements.js";
+import { button, disclosure, el, fixed } from "../elements.js";
 import { drawMarks } from "../picture.js";
 import { compareControl, settingsControl } from "./compare.js";
 import { recordControl, recordedText, recordingControl, records } from "./record.js";
@@ -174,7 +174,7 @@ export const track = {
       !watched && run && !goes && [recordingControl(app), compareControl(app, other, (number) => compareWith(app, number)), settingsControl(app)],
       el("div", { id: "now" }, nowOf(app)),
       run?.error && el("p", { class: "bad", id: "run-error" }, run.error),
-      run?.report && el("details", { open: true }, el("summary", {}, "Report"), el("pre", { id: "report" }, run.report)),
+      run?.report && disclosure("report-of-run", "Report", el("pre", { id: "report" }, run.report), true),
     ];
   },
 };

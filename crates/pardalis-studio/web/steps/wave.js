@@ -1,6 +1,6 @@
 // A ball that is waved before all cameras: progress, what came of it, and its use.
 
-import { button, choice, el, field, fixed } from "../elements.js";
+import { button, choice, disclosure, el, field, fixed } from "../elements.js";
 
 const WORLDS = { scene: "Nothing: the first camera's frame", points: "The known points", board: "A board that lies on the floor" };
 
@@ -46,11 +46,14 @@ function report(app, { rows, notes, warnings }) {
   return [
     el("h3", {}, "Calibration"),
     cameras.map(([name, ...cells]) =>
-      el("details", { class: "camera-of-rig" }, el("summary", {}, el("strong", {}, name), ` fits to ${cells[head.indexOf("RMS (px)") - 1]} px, seen in ${cells[head.indexOf("detected in") - 1]} frames`),
-        el("table", { class: "figures" }, cells.map((cell, i) => el("tr", {}, el("td", {}, head[i + 1]), el("td", {}, cell))))),
+      disclosure(
+        `rig-${name}`,
+        [el("strong", {}, name), ` fits to ${cells[head.indexOf("RMS (px)") - 1]} px, seen in ${cells[head.indexOf("detected in") - 1]} frames`],
+        el("table", { class: "figures" }, cells.map((cell, i) => el("tr", {}, el("td", {}, head[i + 1]), el("td", {}, cell)))),
+      ),
     ),
     warnings.length > 0 && el("ul", { class: "problems" }, warnings.map((warning) => el("li", { class: "warning" }, warning))),
-    el("details", {}, el("summary", {}, "What the figures mean"), notes.map((note) => el("p", { class: "none" }, note))),
+    disclosure("rig-notes", "What the figures mean", notes.map((note) => el("p", { class: "none" }, note))),
     button("Use it", async () => (await app.change("use_rig")) && app.say("The poses are in the scene."), { id: "use-rig", class: "primary", disabled: !app.state.can_use_rig }),
   ];
 }
