@@ -1,12 +1,13 @@
 //! What the program shows: the latest message of each topic, for any number of pages.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use axum::extract::ws::Message;
 use serde_json::{Value, json};
 use tokio::sync::watch;
+use tokio::time::Instant;
 
 /// The latest message of each topic. Cloning shares it.
 ///
@@ -20,7 +21,8 @@ struct Shared {
     topics: Mutex<Topics>,
     /// The number of the latest message of all topics.
     latest: watch::Sender<u64>,
-    watchers: AtomicUsize,
+    /// By the number of an open page, that of the latest message that it has shown.
+    pages: Mutex<BTreeMap<u64, u64>>,
 }
 
 #[derive(Debug, Default)]
@@ -43,7 +45,7 @@ impl Default for Feed {
         Self(Arc::new(Shared {
             topics: Mutex::default(),
             latest: watch::Sender::new(0),
-            watchers: AtomicUsize::new(0),
+            pages: Mutex::default(),
         }))
     }
 }
@@ -74,7 +76,16 @@ impl Feed {
 
     /// Reports whether a page is open: otherwise, nothing need be prepared.
     pub fn is_watched(&self) -> bool {
-        self.0.watchers.load(Ordering::Relaxed) > 0
+        !self.pages().is_empty()
+    }
+
+    /// Waits until all open pages have shown what there is now, but no longer than this.
+    pub fn wait_until_shown(&self, at_most: Duration) {
+        let latest = self.topics().latest;
+        let begin = Instant::now();
+        while begin.elapsed() < at_most && self.pages().values().any(|shown| *shown < latest) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
     }
 
     fn push(&self, topic: &str, message: impl FnOnce(u64) -> Message) {
@@ -96,11 +107,18 @@ impl Feed {
         self.0.topics.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn pages(&self) -> MutexGuard<'_, BTreeMap<u64, u64>> {
+        self.0.pages.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Counts a page as open until the watcher is dropped.
     pub(crate) fn watcher(&self) -> Watcher {
-        self.0.watchers.fetch_add(1, Ordering::Relaxed);
+        let mut pages = self.pages();
+        let page = pages.last_key_value().map_or(0, |(last, _)| last + 1);
+        pages.insert(page, 0);
         Watcher {
             feed: self.clone(),
+            page,
             changes: self.0.latest.subscribe(),
             seen: 0,
         }
@@ -110,12 +128,18 @@ impl Feed {
 /// An open page, and what it has got.
 pub(crate) struct Watcher {
     feed: Feed,
+    page: u64,
     changes: watch::Receiver<u64>,
     /// The number of the latest message that it has got.
     seen: u64,
 }
 
 impl Watcher {
+    /// Notes that the page has shown what it has got.
+    pub(crate) fn has_shown(&self) {
+        self.feed.pages().insert(self.page, self.seen);
+    }
+
     /// Waits for messages that the page has not got, and returns the latest of each topic, the oldest first.
     pub(crate) async fn next(&mut self) -> Vec<Message> {
         let seen = self.seen;
@@ -135,7 +159,7 @@ impl Watcher {
 
 impl Drop for Watcher {
     fn drop(&mut self) {
-        self.feed.0.watchers.fetch_sub(1, Ordering::Relaxed);
+        self.feed.pages().remove(&self.page);
     }
 }
 
@@ -179,5 +203,32 @@ mod tests {
         assert_eq!(got, [json!({"topic": "a", "sequence": 7, "value": 6})]);
         drop(page);
         assert!(!feed.is_watched());
+    }
+
+    #[test]
+    fn the_end_waits_until_every_open_page_has_shown_the_last_message() {
+        const LONG: Duration = Duration::from_mins(1);
+        let feed = Feed::default();
+        let [mut one, other] = [feed.watcher(), feed.watcher()];
+        feed.show("over", &json!(true));
+        let waiting = std::thread::spawn({
+            let feed = feed.clone();
+            move || feed.wait_until_shown(LONG)
+        });
+        assert_eq!(next(&mut one).len(), 1);
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(
+            !waiting.is_finished(),
+            "it has got it, and not shown it yet"
+        );
+        one.has_shown();
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(!waiting.is_finished(), "the other page has not");
+        // It is closed.
+        drop(other);
+        waiting.join().unwrap();
+        // Nobody waits for a page that never answers.
+        feed.show("over", &json!(true));
+        feed.wait_until_shown(Duration::from_millis(1));
     }
 }

@@ -28,7 +28,10 @@ pub(crate) async fn serve(mut socket: WebSocket, feed: Feed) {
     loop {
         tokio::select! {
             message = socket.recv() => match message {
-                Some(Ok(Message::Text(text))) if text == "more" => is_owed = true,
+                Some(Ok(Message::Text(text))) if text == "more" => {
+                    watcher.has_shown();
+                    is_owed = true;
+                }
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => {}
                 _ => break,
             },

@@ -23,7 +23,10 @@ use crate::user_error::user_error;
 /// How often the program looks for Ctrl-C.
 const POLL: Duration = Duration::from_millis(100);
 
-/// How long pages may fetch the last rows of a run that is over.
+/// How long pages may take to show that a run is over. Those on a slow machine or network are far behind.
+const LAST_MESSAGE: Duration = Duration::from_secs(5);
+
+/// How long pages may then fetch the last rows.
 const LAST_ROWS: Duration = Duration::from_millis(1500);
 
 /// Serves the page, with the viewer of tracks, and prints its address.
@@ -211,6 +214,7 @@ impl Watching {
     pub(crate) fn finish(self) {
         self.feed.show("over", &json!(true));
         if self.feed.is_watched() {
+            self.feed.wait_until_shown(LAST_MESSAGE);
             std::thread::sleep(LAST_ROWS);
         }
     }
