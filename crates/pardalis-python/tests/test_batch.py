@@ -1,5 +1,6 @@
 """Batches: the same bytes on every engine, nothing repeated, failures reported and tried again."""
 
+import concurrent.futures
 import contextlib
 import json
 import os
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import types
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -482,6 +484,53 @@ def test_termination_keeps_what_is_finished(scene, tmp_path):
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     pardalis.batch.run(scene, tmp_path / "quick", frames=2)
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_an_interrupt_between_any_two_instructions_stops_the_items():
+    """Python looks for signals between instructions: here one of them after the other is interrupted."""
+    names = {"_outcomes", "_ended"}
+
+    def interrupted(at):
+        """Interrupt instruction `at` since an item has begun; report whether items run, whether they were stopped, and whether it was reached."""
+        begun, stopped, count = [], [], -1
+
+        def submit(item):
+            # The first one ends at once, the others never do.
+            future = concurrent.futures.Future()
+            if not begun:
+                future.set_result(pardalis.batch._Outcome({}))
+            begun.append(future)
+            return future
+
+        def trace(frame, event, _):
+            nonlocal count
+            if frame.f_code.co_name not in names:
+                return None
+            frame.f_trace_opcodes = True
+            if event == "opcode" and len(begun) > 1:
+                count += 1
+                if count == at:
+                    raise KeyboardInterrupt
+            return trace
+
+        items = [types.SimpleNamespace(name=str(number)) for number in range(3)]
+        before = sys.gettrace()
+        try:
+            sys.settrace(trace)
+            with contextlib.closing(pardalis.batch._outcomes(items, submit, stopped.append, 2, 0)) as outcomes:
+                for _ in outcomes:
+                    pass
+        except KeyboardInterrupt:
+            pass
+        finally:
+            sys.settrace(before)
+        return bool(stopped), count
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pardalis.batch, "_STOP_S", 0)
+        patch.setattr(pardalis.batch, "_WAKE_S", 0)
+        for at in range(200):
+            assert interrupted(at) == (True, at), at
 
 
 def test_two_batches_at_once_need_two_folders(scene, tmp_path):

@@ -414,34 +414,41 @@ _Engine = tuple[_Submit, _Stop]
 def _outcomes(
     items: Iterable[Item], submit: _Submit, stop: _Stop, limit: int | None, retries: int
 ) -> Generator[tuple[Item, _Outcome], None, None]:
-    """Track items, `limit` at once, and yield what became of each when it has succeeded or failed for good."""
-    waiting = deque(items)
-    attempts: Counter[str] = Counter()
-    running: set[concurrent.futures.Future[_Outcome]] = set()
-    ended: queue.SimpleQueue[tuple[Item, concurrent.futures.Future[_Outcome]]] = queue.SimpleQueue()
+    """Track items, `limit` at once, and yield what became of each when it has succeeded or failed for good. Stop them when interrupted."""
+    running: set[_Future] = set()
     try:
-        while waiting or running:
-            while waiting and (limit is None or len(running) < limit):
-                item = waiting.popleft()
-                future = submit(item)
-                running.add(future)
-                future.add_done_callback(functools.partial(lambda item, future: ended.put((item, future)), item))
-            try:
-                item, future = ended.get(timeout=_WAKE_S)
-            except queue.Empty:
-                # Lets an interrupt in that another thread has received.
-                continue
-            running.discard(future)
-            outcome = _outcome(future)
-            attempts[item.name] += 1
-            if outcome.error is None or outcome.is_final or attempts[item.name] > retries:
-                yield item, outcome
-            else:
-                waiting.append(item)
+        # An interrupt comes between any two instructions, and a few of them are not covered by the `try` that they are in. All of a call are.
+        yield from _ended(items, running, submit, limit, retries)
     except BaseException:
         stop(running)
         concurrent.futures.wait([future for future in running if not future.done()], _STOP_S)
         raise
+
+
+def _ended(
+    items: Iterable[Item], running: set[_Future], submit: _Submit, limit: int | None, retries: int
+) -> Generator[tuple[Item, _Outcome], None, None]:
+    waiting = deque(items)
+    attempts: Counter[str] = Counter()
+    ended: queue.SimpleQueue[tuple[Item, _Future]] = queue.SimpleQueue()
+    while waiting or running:
+        while waiting and (limit is None or len(running) < limit):
+            item = waiting.popleft()
+            future = submit(item)
+            running.add(future)
+            future.add_done_callback(functools.partial(lambda item, future: ended.put((item, future)), item))
+        try:
+            item, future = ended.get(timeout=_WAKE_S)
+        except queue.Empty:
+            # Lets an interrupt in that another thread has received.
+            continue
+        running.discard(future)
+        outcome = _outcome(future)
+        attempts[item.name] += 1
+        if outcome.error is None or outcome.is_final or attempts[item.name] > retries:
+            yield item, outcome
+        else:
+            waiting.append(item)
 
 
 def _outcome(future: concurrent.futures.Future[_Outcome]) -> _Outcome:
