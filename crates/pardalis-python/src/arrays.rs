@@ -1,8 +1,9 @@
 //! Between NumPy arrays and the library's types.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
-use numpy::ndarray::Array2;
+use numpy::ndarray::{Array2, s};
 use numpy::{
     AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArrayLike2, PyArrayLike3, TypeMustMatch,
 };
@@ -40,8 +41,10 @@ pub(crate) fn pixels<'py>(mask: &Bound<'py, PyAny>, what: &str) -> PyResult<Pixe
     mask.extract().map_err(|_| is_no(what, wanted))
 }
 
-/// Copies an image into a frame.
-pub(crate) fn frame(image: &Image, time_s: f64) -> PyResult<Frame> {
+/// Copies an image into a frame: while it is tracked, Python may write into the array.
+///
+/// The bytes of the frame before are used again if they are as many and nobody has that any more: new memory takes longer than the copy.
+pub(crate) fn frame(image: &Image, time_s: f64, before: &mut Arc<[u8]>) -> PyResult<Frame> {
     let image = image.as_array();
     let (height, width, channels) = image.dim();
     if channels != 3 {
@@ -49,12 +52,26 @@ pub(crate) fn frame(image: &Image, time_s: f64) -> PyResult<Frame> {
             "the image has {channels} channels; allowed: 3, red, green and blue"
         )));
     }
-    // Also of an array that is a view of another, such as image[..., ::-1].
-    let bytes: Vec<u8> = match image.as_slice() {
-        Some(bytes) => bytes.to_vec(),
-        None => image.iter().copied().collect(),
-    };
-    Frame::from_rgb(width, height, bytes, time_s).map_err(crate::value_error)
+    if Arc::get_mut(before).is_none_or(|bytes| bytes.len() != image.len()) {
+        *before = std::iter::repeat_n(0, image.len()).collect();
+    }
+    let bytes = Arc::get_mut(before).expect("nobody else has it");
+    // Images of OpenCV are turned around with image[..., ::-1].
+    let turned = image.slice(s![.., .., ..;-1]);
+    if let Some(from) = image.to_slice() {
+        bytes.copy_from_slice(from);
+    } else if let Some(from) = turned.to_slice() {
+        for (pixel, from) in bytes.as_chunks_mut().0.iter_mut().zip(from.as_chunks().0) {
+            let [blue, green, red] = *from;
+            *pixel = [red, green, blue];
+        }
+    } else {
+        bytes
+            .iter_mut()
+            .zip(image)
+            .for_each(|(byte, from)| *byte = *from);
+    }
+    Frame::from_rgb(width, height, Arc::clone(before), time_s).map_err(crate::value_error)
 }
 
 /// Points in rows of `N` coordinates.

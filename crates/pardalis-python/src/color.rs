@@ -1,6 +1,7 @@
 //! Colour models.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -34,7 +35,10 @@ impl ColorModel {
         for (number, (image, mask)) in images.iter().zip(&masks).enumerate() {
             let image = arrays::image(image, &format!("images[{number}]"))?;
             let mask = arrays::pixels(mask, &format!("masks[{number}]"))?;
-            let (frame, mask) = (arrays::frame(&image, 0.0)?, mask.as_array());
+            let (frame, mask) = (
+                arrays::frame(&image, 0.0, &mut Arc::default())?,
+                mask.as_array(),
+            );
             let size = (frame.height(), frame.width());
             if mask.dim() != size {
                 return Err(PyValueError::new_err(format!(

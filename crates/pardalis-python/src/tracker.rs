@@ -5,6 +5,7 @@ use std::ffi::CString;
 use std::fs::File;
 use std::io;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -31,6 +32,8 @@ use pardalis_scene::TargetConfig;
 pub(crate) struct Tracker {
     tracker: pardalis::Tracker,
     cameras: Vec<String>,
+    /// The bytes of each camera's last image.
+    last_images: Vec<Arc<[u8]>>,
     targets: Vec<String>,
     platforms: Vec<String>,
     /// Whether each target is a crowd.
@@ -181,6 +184,7 @@ impl Tracker {
         }
         Ok(Self {
             tracker: setup.build().map_err(value_error)?,
+            last_images: vec![Arc::default(); camera_names.len()],
             cameras: camera_names,
             targets: target_names,
             platforms: platform_names,
@@ -226,6 +230,7 @@ impl Tracker {
             tracker,
             are_crowds: scene.targets.iter().map(|t| t.crowd.is_some()).collect(),
             take_boxes: scene.targets.iter().map(takes_boxes).collect(),
+            last_images: vec![Arc::default(); scene.cameras.len()],
             cameras: scene.cameras.into_iter().map(|c| c.name).collect(),
             targets: scene.targets.into_iter().map(|t| t.name).collect(),
             platforms: scene.platforms.into_iter().map(|p| p.name).collect(),
@@ -250,7 +255,7 @@ impl Tracker {
             let name: String = name.extract()?;
             let camera = position(&self.cameras, "camera", &name)?;
             let image = arrays::image(&image, &format!("the image of \"{name}\""))?;
-            let frame = arrays::frame(&image, time_s)?;
+            let frame = arrays::frame(&image, time_s, &mut self.last_images[camera])?;
             frames.push((CameraId::new(camera), frame));
         }
         let set = if frames.is_empty() {

@@ -65,11 +65,27 @@ def test_images_may_be_views_of_other_arrays():
     image, _ = picture([0, 0, 2])
     wide = np.zeros((240, 640, 4), np.uint8)
     wide[:, ::2, 2::-1] = image
-    trackers = [tracker_of(), tracker_of()]
-    for tracker, seen in zip(trackers, [image, wide[:, ::2, 2::-1]]):
+    bgr = image[..., ::-1].copy()
+    positions = []
+    for seen in [image, wide[:, ::2, 2::-1], bgr[..., ::-1], np.asfortranarray(image)]:
+        tracker = tracker_of()
         tracker.observe({"cam": seen}, 0)
-    positions = [tracker.estimate("ball").position_m for tracker in trackers]
-    np.testing.assert_array_equal(*positions)
+        positions.append(tracker.estimate("ball").position_m)
+    assert np.linalg.norm(positions[0] - [0, 0, 2]) < 0.1
+    for position in positions[1:]:
+        np.testing.assert_array_equal(position, positions[0])
+
+
+def test_an_array_may_be_written_once_it_is_observed():
+    trackers = [tracker_of(), tracker_of()]
+    shared = np.zeros((*SIZE_PX[::-1], 3), np.uint8)
+    for number in range(20):
+        image, _ = picture([0, 0, 2 - 0.01 * number])
+        shared[:] = image
+        trackers[0].observe({"cam": image}, number / 25)
+        trackers[1].observe({"cam": shared}, number / 25)
+        shared[:] = 255
+    np.testing.assert_array_equal(*[tracker.estimate("ball").position_m for tracker in trackers])
 
 
 def test_a_hidden_ball_has_no_position_after_a_while():
