@@ -119,13 +119,13 @@ def main(record=None):
 
 
 def write_record(folder, measured):
+    git = lambda *arguments: subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    changed = " with uncommitted changes" if git("status", "--porcelain", "--untracked-files=no") else ""
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "numpy-projection.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, measured[0], lineterminator="\n")
         writer.writeheader()
         writer.writerows(measured)
-    git = lambda *arguments: subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    changed = " with uncommitted changes" if git("status", "--porcelain", "--untracked-files=no") else ""
     load = Path("/proc/loadavg").read_text().split()[0]
     facts = {
         "command": "python experiments/projection/measure.py",
