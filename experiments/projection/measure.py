@@ -6,8 +6,6 @@ Needs the packages of requirements.txt, `pip install ./crates/pardalis-python`, 
 1e-9 px from that of OpenCV.
 """
 
-import csv
-import platform
 import subprocess
 import sys
 import tempfile
@@ -19,6 +17,9 @@ import numpy as np
 from pardalis import Camera
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "experiments"))
+import records
+
 COUNT = 1_000_000
 REPEATS = 15
 SIZE_PX = (1280, 720)
@@ -115,25 +116,7 @@ def main(record=None):
             measured.append(of_lens(name, k, in_camera_m, Path(folder)))
             print(measured[-1])
     if record:
-        write_record(Path(record), measured)
-
-
-def write_record(folder, measured):
-    git = lambda *arguments: subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    changed = " with uncommitted changes" if git("status", "--porcelain", "--untracked-files=no") else ""
-    folder.mkdir(parents=True, exist_ok=True)
-    with open(folder / "numpy-projection.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, measured[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(measured)
-    load = Path("/proc/loadavg").read_text().split()[0]
-    facts = {
-        "command": "python experiments/projection/measure.py",
-        "commit": git("rev-parse", "HEAD") + changed,
-        "python": f"{platform.python_version()}, numpy {np.__version__}, opencv {cv2.__version__}",
-        "load": f"{load} processes, the mean of the last minute",
-    }
-    (folder / "numpy-projection.facts.txt").write_text("".join(f"{key:<10}{value}\n" for key, value in facts.items()))
+        records.write(record, "numpy-projection", measured, "python experiments/projection/measure.py", f"numpy {np.__version__}", f"opencv {cv2.__version__}")
 
 
 if __name__ == "__main__":

@@ -5,9 +5,7 @@
 Needs `pip install ./crates/pardalis-python`, and cargo. Fails if a position differs from that of the program at all.
 """
 
-import csv
 import os
-import platform
 import statistics
 import subprocess
 import sys
@@ -22,6 +20,9 @@ import numpy as np
 from pardalis import Tracker, read_image, read_tracks
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "experiments"))
+import records
+
 REPEATS = 15
 FPS = 25
 # A scene with one camera and a ball, and its images.
@@ -75,25 +76,7 @@ def main(record=None):
     ]
     print(*measured, sep="\n")
     if record:
-        write_record(Path(record), measured)
-
-
-def write_record(folder, measured):
-    git = lambda *arguments: subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    changed = " with uncommitted changes" if git("status", "--porcelain", "--untracked-files=no") else ""
-    folder.mkdir(parents=True, exist_ok=True)
-    with open(folder / "python.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, measured[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(measured)
-    load = Path("/proc/loadavg").read_text().split()[0]
-    facts = {
-        "command": "python experiments/python/measure.py",
-        "commit": git("rev-parse", "HEAD") + changed,
-        "python": f"{platform.python_version()}, numpy {np.__version__}",
-        "load": f"{load} processes, the mean of the last minute",
-    }
-    (folder / "python.facts.txt").write_text("".join(f"{key:<10}{value}\n" for key, value in facts.items()))
+        records.write(record, "python", measured, "python experiments/python/measure.py", f"numpy {np.__version__}")
 
 
 if __name__ == "__main__":

@@ -417,7 +417,7 @@ def _outcomes(
     """Track items, `limit` at once, and yield what became of each when it has succeeded or failed for good. Stop them when interrupted."""
     running: set[_Future] = set()
     try:
-        # An interrupt comes between any two instructions, and a few of them are not covered by the `try` that they are in. All of a call are.
+        # Python raises an interrupt between any two instructions, and for a few of them not into the `try` around them. Here, none of the loop's is missed.
         yield from _ended(items, running, submit, limit, retries)
     except BaseException:
         stop(running)
@@ -428,6 +428,7 @@ def _outcomes(
 def _ended(
     items: Iterable[Item], running: set[_Future], submit: _Submit, limit: int | None, retries: int
 ) -> Generator[tuple[Item, _Outcome], None, None]:
+    """Yield what `_outcomes` does; `running` holds what was begun and has not ended."""
     waiting = deque(items)
     attempts: Counter[str] = Counter()
     ended: queue.SimpleQueue[tuple[Item, _Future]] = queue.SimpleQueue()
