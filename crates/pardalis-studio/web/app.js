@@ -29,22 +29,15 @@ const app = {
   /** The pictures that are shown, by camera. */
   pictures: new Map(),
 
-  /** Asks the program for an edit, or says why it is refused. Returns the answer, or null. */
-  async change(request, value = {}) {
-    document.body.classList.add("busy");
-    try {
-      const answer = await ask(request, value);
-      if (answer.cameras) this.take(answer);
-      return answer;
-    } catch (error) {
-      say(error.message, true);
-      return null;
-    } finally {
-      document.body.classList.remove("busy");
-    }
+  /** Asks the program for an edit once those before are answered, or says why it is refused. Resolves to the answer, or null. */
+  change(request, value = {}) {
+    lastEdit = lastEdit.then(() => edit(request, value));
+    return lastEdit;
   },
 
+  /** Takes a state of the session, unless a later one was faster. */
   take(state) {
+    if (state.number < this.state?.number) return;
     // A page of `track --watch` only shows the run.
     if (state.watched) {
       state = watchedState(state.watched);
@@ -82,6 +75,23 @@ const app = {
     renderPanel();
   },
 };
+
+/** The answer to the last edit that was asked for. */
+let lastEdit = Promise.resolve();
+
+async function edit(request, value) {
+  document.body.classList.add("busy");
+  try {
+    const answer = await ask(request, value);
+    if (answer.cameras) app.take(answer);
+    return answer;
+  } catch (error) {
+    say(error.message, true);
+    return null;
+  } finally {
+    document.body.classList.remove("busy");
+  }
+}
 
 /** Returns the state of a page that shows a run, from what the program has shown of it. */
 function watchedState(path) {
@@ -307,6 +317,8 @@ function offerUnsaved() {
 function connected(is) {
   document.body.classList.toggle("offline", !is);
   if (is) {
+    // A program that was started anew numbers its states anew.
+    if (app.state) app.state.number = 0;
     ask("state").then((state) => {
       app.take(state);
       if (announced) say("The program answers again.");

@@ -156,6 +156,57 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
     assert (tmp_path / "scene.toml").read_text() == texts[1]
 
 
+def test_edits_keep_their_order_and_late_answers_replace_no_later_state(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump", tmp_path / "dioptric-jump")
+    one = studio(str(tmp_path / "dioptric-jump"))
+    page = one.page
+    for radius_m in [0.15, 0.2]:
+        one.ask("set_shape", {"target": "ball", "kind": "sphere", "sizes": {"radius_m": radius_m}})
+    one.step("targets")
+    diameter = page.locator("#diameter-ball")
+    expect(diameter).to_have_value("40")
+    # An edit takes long to reach the program.
+    page.evaluate(
+        """() => {
+            const { fetch } = window;
+            window.fetch = async (...what) => {
+                window.fetch = fetch;
+                await new Promise((resolve) => setTimeout(resolve, 1000));
+                return fetch(...what);
+            };
+        }"""
+    )
+    page.fill("#diameter-ball", "50")
+    page.keyboard.press("Enter")
+    page.locator("#step-targets").focus()
+    page.keyboard.press("Control+z")
+    expect(page.locator("#redo")).to_have_attribute("title", re.compile("radius_m 0.25 for ball"))
+    expect(diameter).to_have_value("40")
+    # An answer takes long to come back.
+    for _ in range(2):
+        one.ask("undo")
+    expect(diameter).to_have_value("22")
+    page.evaluate(
+        """() => {
+            const { fetch } = window;
+            window.fetch = async (...what) => {
+                window.fetch = fetch;
+                const answer = await fetch(...what);
+                window.isWaiting = true;
+                await new Promise((resolve) => { window.goOn = resolve; });
+                return answer;
+            };
+        }"""
+    )
+    page.keyboard.press("Control+Shift+z")
+    page.wait_for_function("window.isWaiting")
+    one.ask("redo")
+    expect(diameter).to_have_value("40")
+    page.evaluate("window.goOn()")
+    page.wait_for_function("!document.body.classList.contains('busy')")
+    expect(diameter).to_have_value("40")
+
+
 def test_a_target_that_cannot_be_read_is_not_taken_for_none(studio, tmp_path):
     scene = (DATA / "dioptric-jump/scene.toml").read_text()
     scene = scene.replace('"frames"', f'"{DATA / "dioptric-jump/frames"}"').replace("../colors", str(DATA / "colors"))

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use anyhow::Result;
 use pardalis_studio::{Feed, Lines};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::collected::Held;
 use super::places::Places;
@@ -50,6 +50,8 @@ pub(super) struct Inner {
     pub(super) held: Option<Held>,
     /// Cameras that are calibrated with a ball.
     pub(super) waved: Option<Waved>,
+    /// How many states have been told: pages get them by several ways, and keep the latest.
+    told: u64,
 }
 
 impl Session {
@@ -68,6 +70,7 @@ impl Session {
                 running: None,
                 held: None,
                 waved: None,
+                told: 0,
             }),
         })
     }
@@ -207,7 +210,11 @@ impl Session {
 
     /// Returns the state of the session, and tells it to all pages.
     pub(super) fn tell(&self) -> Value {
-        let state = self.inner().state();
+        let mut inner = self.inner();
+        inner.told += 1;
+        let mut state = inner.state();
+        state["number"] = json!(inner.told);
+        // Before anyone else can tell a later one.
         self.feed.show("state", &state);
         state
     }
