@@ -150,11 +150,11 @@ def test_what_cannot_be_used_leaves_no_file_behind(studio, tmp_path):
 
 
 def test_a_board_before_a_live_camera_is_collected_while_the_picture_goes_on(studio, tmp_path, streams):
-    # Each picture of a real camera stands still for most of a second, and jumps to the next.
+    # Each picture of a real camera stands still for a while, and jumps to the next.
     pictures = sorted(STEREO.glob("left*.jpg"))
     for number, picture in enumerate(pictures):
         shutil.copy(picture, tmp_path / f"{number:02}.jpg")
-    film = ["-framerate", "1.2", "-i", tmp_path / "%02d.jpg", "-vf", "fps=25", "-c:v", "ffv1", tmp_path / "film.mkv"]
+    film = ["-framerate", "0.9", "-i", tmp_path / "%02d.jpg", "-vf", "fps=25", "-c:v", "ffv1", tmp_path / "film.mkv"]
     subprocess.run(["ffmpeg", "-nostdin", "-v", "error", *film], check=True)
     address = streams("-i", tmp_path / "film.mkv").address
     one = studio()
@@ -164,7 +164,8 @@ def test_a_board_before_a_live_camera_is_collected_while_the_picture_goes_on(stu
     expect(page.locator("figure .live")).to_be_visible()
     one.step("camera")
     hold_up(page, 25)
-    expect(page.locator("#board-advice")).to_contain_text("enough")
+    # Up to eight rounds of the pictures: a busy machine misses some in each.
+    expect(page.locator("#board-advice")).to_contain_text("enough", timeout=120_000)
     # The picture did not wait for the search.
     expect(page.locator("figcaption")).to_contain_text(re.compile(r"2\d\.\d per second"))
     # What was left out has its reason.
