@@ -16,7 +16,7 @@ use crate::interrupt::Stop;
 use crate::measurements::MeasurementRows;
 use crate::named_files;
 use crate::output::{Shown, warn};
-use crate::platforms::PlatformRows;
+use crate::platforms::{self, PlatformRows};
 use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
 use crate::scene_files::{SceneFiles, read_calibration, read_text, resolve};
@@ -405,13 +405,26 @@ impl Parts {
             let carried =
                 carried.filter(|(camera, _)| camera.platform.as_ref() == Some(&platform.name));
             let sources: Vec<&Source> = carried.filter_map(|(_, source)| source.as_ref()).collect();
-            if sources.iter().any(|source| source.is_live()) {
-                self.assembly.problems.push(file.problem(
-                    "is of the past, and a camera on the platform is live; record its video first, or call Tracker::observe_pose of the library".to_owned(),
-                ));
+            let is_address = platforms::live::is_address(&file.value);
+            let mismatch = match sources.first() {
+                Some(source) if source.is_live() && !is_address => Some(
+                    "is of the past, and a camera on the platform is live; give the address where its poses come in, such as \"udp://127.0.0.1:7001\", or record its video first",
+                ),
+                Some(source) if is_address && !source.is_live() => Some(
+                    "comes in while tracking, and the cameras on the platform are recordings; give a file, with times on their clock",
+                ),
+                _ => None,
+            };
+            if let Some(mismatch) = mismatch {
+                self.assembly.problems.push(file.problem(mismatch));
                 continue;
             }
-            let rows = PlatformRows::read(platform, folder).and_then(|rows| {
+            let rows = if is_address {
+                PlatformRows::listen(platform)
+            } else {
+                PlatformRows::read(platform, folder)
+            };
+            let rows = rows.and_then(|rows| {
                 let mut spans = sources.iter().filter_map(|source| source.span());
                 match spans.find_map(|span| rows.problem_with(&span)) {
                     Some(problem) => Err(user_error!("{problem}")),

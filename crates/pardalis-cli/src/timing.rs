@@ -15,15 +15,24 @@ pub(crate) fn now_s() -> f64 {
 }
 
 /// Returns a time of [`now_s`] in seconds since the beginning of 1970, UTC, by the clock of this computer.
+pub(crate) fn unix_s_at(time_s: f64) -> f64 {
+    unix_s() - (now_s() - time_s)
+}
+
+/// Returns a time in seconds since the beginning of 1970, UTC, as one of [`now_s`]: the inverse of [`unix_s_at`].
+pub(crate) fn now_s_at_unix(unix_s: f64) -> f64 {
+    now_s() - (self::unix_s() - unix_s)
+}
+
+/// Returns the seconds since the beginning of 1970, UTC, by the clock of this computer.
 #[expect(
     clippy::disallowed_methods,
-    reason = "estimates that are sent carry the times of capture and sending"
+    reason = "estimates that are sent carry the times of capture and sending, and poses that come that of their measurement"
 )]
-pub(crate) fn unix_s_at(time_s: f64) -> f64 {
+fn unix_s() -> f64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     // A clock before 1970 is as wrong as one at it.
-    let unix_s = since.map_or(0.0, |since| since.as_secs_f64());
-    unix_s - (now_s() - time_s)
+    since.map_or(0.0, |since| since.as_secs_f64())
 }
 
 /// A stopwatch for durations.

@@ -12,13 +12,13 @@ use pardalis_camera::Pose;
 pub struct PlatformConfig {
     /// Its name.
     pub name: String,
-    /// The file that says how it moves.
+    /// The file or address that says how it moves.
     pub motion: PlatformMotion,
-    /// Added to the times in that file, in seconds.
+    /// Added to the times that come from there, in seconds.
     pub time_offset_s: f64,
 }
 
-/// The file that says how a platform moves.
+/// The file that says how a platform moves, or the address where another program says it while tracking.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PlatformMotion {
     /// Its poses in the world.
@@ -35,7 +35,7 @@ impl PlatformMotion {
     pub const MISSING: &str =
         "says nothing about its motion; give poses = \"FILE.csv\" or odometry = \"FILE.csv\"";
 
-    /// Returns the file, with its position in the scene; no name without a file.
+    /// Returns the file or address, with its position in the scene; no name without one.
     pub fn file(&self) -> &Located<String> {
         match self {
             Self::Poses(file) | Self::Odometry(file, ..) | Self::Given(file, _) => file,
@@ -49,21 +49,21 @@ impl PlatformConfig {
         let poses = table
             .key(
                 "poses",
-                "CSV file of its poses in the world, `time_s,x_m,y_m,z_m,qx,qy,qz,qw` or `time_s,x_m,y_m,heading_rad`, perhaps with covariances; or a file in the format of the TUM benchmark. Give either this or `odometry`.",
+                "CSV file of its poses in the world, `time_s,x_m,y_m,z_m,qx,qy,qz,qw` or `time_s,x_m,y_m,heading_rad`, perhaps with covariances; or a file in the format of the TUM benchmark; of live cameras: `udp://ADDRESS:PORT`, where another program sends them. Give either this or `odometry`.",
             )
             .depends("unless `odometry` is given")
             .located_conditional::<String>();
         let odometry = table
             .key(
                 "odometry",
-                "CSV file of its motion from row to row, `time_s,dx_m,dy_m,dtheta_rad`, in its own frame before (x forward, y left). The first row's motion begins at the start.",
+                "CSV file of its motion from row to row, `time_s,dx_m,dy_m,dtheta_rad`, in its own frame before (x forward, y left). The first row's motion begins at the start. Of live cameras: `udp://ADDRESS:PORT`, where another program sends its poses by odometry.",
             )
             .depends("unless `poses` is given")
             .located_conditional::<String>();
         let time_offset_s = table
             .key(
                 "time_offset_s",
-                "Added to the times in that file, if its clock is not that of the frames.",
+                "Added to the times in that file, if its clock is not that of the frames. Of live cameras: how long their fastest image takes from the lens to the program.",
             )
             .within(-MAX_TIME_S..=MAX_TIME_S)
             .or(0.0);

@@ -71,6 +71,7 @@ pub const READERS: &[Reader] = {
         reader("starts", tables::starts),
         reader("poses", tables::poses),
         reader("odometry", tables::odometry),
+        reader("pose-datagrams", tables::pose_datagram),
         reader("measurements", tables::measurements),
         reader("camera-poses", tables::camera_poses),
         reader("detections", tables::detections),

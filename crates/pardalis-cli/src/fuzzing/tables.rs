@@ -141,6 +141,23 @@ pub(super) fn odometry(bytes: &[u8]) -> bool {
     motion(bytes, true)
 }
 
+/// Reads a pose that comes over the network.
+pub(super) fn pose_datagram(bytes: &[u8]) -> bool {
+    match platforms::live::read_bytes(bytes, Path::new(FILE)) {
+        Ok(pose) => {
+            // Its clock is nearly that of the reader.
+            assert!((pose.time_s - platforms::live::READ_UNIX_S).abs() < 11.0);
+            let position_m = pose.world_from_platform.translation.vector;
+            assert!(are_finite(Some(<[f64; 3]>::from(position_m))));
+            true
+        }
+        Err(error) => {
+            check_error(&error);
+            false
+        }
+    }
+}
+
 /// Reads what other sensors measure.
 pub(super) fn measurements(bytes: &[u8]) -> bool {
     let Some(rows) = read(bytes, measurements::rows_in) else {

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis_camera::Pose;
 
-use crate::platforms::{no_rotation, pose_of};
+use crate::platforms::files::{no_rotation, pose_of};
 use crate::tables::Table;
 use crate::user_error::user_error;
 

@@ -192,6 +192,8 @@ impl<'a> FrameSets<'a> {
         let captured_s =
             frames.filter_map(|(camera, frame)| self.clocks[*camera].captured_s(frame.time_s()));
         set.captured_s = captured_s.reduce(f64::min);
+        let delays_s = self.clocks.iter().filter_map(CaptureClock::least_delay_s);
+        set.least_delay_s = delays_s.reduce(f64::min);
         set
     }
 

@@ -36,6 +36,8 @@ pub(crate) struct FrameSet {
     pub(crate) time_s: f64,
     /// Of live cameras: when the first of the frames was captured, on the program's clock, in seconds.
     pub(super) captured_s: Option<f64>,
+    /// Of live cameras: what to add to time stamps for the time on the program's clock, in seconds, if the fastest image takes no time.
+    pub(super) least_delay_s: Option<f64>,
     /// Each frame with its camera's index, in ascending order.
     pub(crate) frames: Vec<(usize, Frame)>,
     /// The number of each among all frames of its camera.
@@ -322,6 +324,7 @@ impl Merge {
             },
             time_s: first_s,
             captured_s: None,
+            least_delay_s: None,
             frames: Vec::new(),
             numbers: Vec::new(),
             frozen: Vec::new(),

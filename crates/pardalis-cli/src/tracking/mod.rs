@@ -541,15 +541,15 @@ fn track(
             break None;
         };
         outcome.waiting_s += watch.elapsed_s();
-        progress.suspend(|| frame_sets.warnings().into_iter().for_each(warn));
+        let news = platforms::news(&mut open.platforms);
+        let warnings = frame_sets.warnings().into_iter().chain(news);
+        progress.suspend(|| warnings.for_each(warn));
 
         let watch = Stopwatch::start();
-        if let Err(error) = platforms::tell(&mut open.platforms, &mut open.tracker, set.time_s) {
-            break Some(error);
-        }
-        if let Err(error) =
-            measurements::tell(&mut open.measurements, &mut open.tracker, set.time_s)
-        {
+        let (platforms, tracker) = (&mut open.platforms, &mut open.tracker);
+        let told = platforms::tell(platforms, tracker, set.time_s, set.least_delay_s)
+            .and_then(|()| measurements::tell(&mut open.measurements, tracker, set.time_s));
+        if let Err(error) = told {
             break Some(error);
         }
         let tracked = match step(&mut open.tracker, &set) {

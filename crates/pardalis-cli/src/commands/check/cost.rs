@@ -11,7 +11,7 @@ use crate::numbers::{counted, significant};
 use crate::output::Shown;
 use crate::platforms;
 use crate::scene::OpenScene;
-use crate::timing::Stopwatch;
+use crate::timing::{Stopwatch, now_s};
 use crate::tracking::{FrameSet, Limit, Merge, missed};
 
 /// What the first frames showed of a target.
@@ -52,7 +52,9 @@ pub(super) fn measure(
     let mut found: Vec<Found> = Vec::new();
     for set in sets_of(firsts) {
         let watch = Stopwatch::start();
-        platforms::tell(&mut open.platforms, &mut open.tracker, set.time_s)?;
+        // Those that are live are where they are now.
+        let delay_s = Some(now_s() - set.time_s);
+        platforms::tell(&mut open.platforms, &mut open.tracker, set.time_s, delay_s)?;
         let frames = set.without_frozen(&open.detections)?;
         pool.install(|| open.tracker.observe(&frames))?;
         times_s.push(watch.elapsed_s());

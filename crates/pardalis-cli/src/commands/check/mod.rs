@@ -12,6 +12,7 @@ use pardalis::Frame;
 use crate::arguments::Threads;
 use crate::numbers::counted;
 use crate::output::{Shown, print, warn};
+use crate::platforms;
 use crate::scene::open_parts;
 use camera::Seen;
 
@@ -79,6 +80,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         print(target::outcome(&open.scene.targets[number], found));
         warnings.extend(target.missing_warning(path, found));
     }
+    let silent = platforms::silent(&open.platforms);
+    warnings.extend(silent.map(|silent| format!("{}: {silent}", path.shown())));
     print(cost.text(frames));
     if is_live {
         warnings.extend(cost.warning(path));

@@ -9,6 +9,7 @@ mod disks;
 mod ffmpeg;
 mod files;
 mod limits;
+mod live_poses;
 #[cfg(target_os = "linux")]
 mod process;
 #[cfg(target_os = "linux")]

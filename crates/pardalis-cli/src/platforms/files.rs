@@ -1,22 +1,14 @@
-//! The motion of a scene's platforms, read from files of poses or odometry, and told to the tracker as time passes.
+//! Files of poses and of odometry.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Result;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
-use pardalis::Tracker;
 use pardalis::camera::{Pose, RigidMotion};
-use pardalis::platform::{
-    Increment, MAX_EXTRAPOLATION_S, MAX_GAP_S, OdometryErrors, Platform, PlatformCounts,
-    PoseCovariance, StampedPose,
-};
-use pardalis::tracker::PlatformId;
-use pardalis_scene::{PlatformConfig, PlatformMotion};
-use serde_json::{Map, Value, json};
+use pardalis::platform::{Increment, PoseCovariance, StampedPose};
 
-use crate::numbers::counted;
+use super::Motion;
 use crate::output::Shown;
-use crate::source::TimeSpan;
 use crate::tables::{Column, Row, Table};
 use crate::user_error::user_error;
 
@@ -34,242 +26,6 @@ const POSE_COLUMNS: &str = "time_s,x_m,y_m,z_m,qx,qy,qz,qw or time_s,x_m,y_m,hea
 
 /// The names of the axes in the names of covariances.
 const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
-
-/// One row of a file.
-#[derive(Debug, Clone, Copy)]
-enum Motion {
-    Pose(StampedPose),
-    Increment(Increment),
-}
-
-impl Motion {
-    fn time_s(&self) -> f64 {
-        match self {
-            Self::Pose(pose) => pose.time_s,
-            Self::Increment(increment) => increment.to_s,
-        }
-    }
-
-    /// Tells a platform.
-    fn tell(&self, platform: &mut Platform) -> Result<(), pardalis_core::Error> {
-        match self {
-            Self::Pose(pose) => platform.observe_pose(pose)?,
-            Self::Increment(increment) => platform.observe_increment(increment)?,
-        };
-        Ok(())
-    }
-}
-
-/// The motion of one platform of a scene.
-#[derive(Debug)]
-pub(crate) struct PlatformRows {
-    name: String,
-    path: PathBuf,
-    errors: OdometryErrors,
-    rows: Vec<Motion>,
-    /// The number of rows that were told.
-    told: usize,
-}
-
-impl PlatformRows {
-    /// Reads the file of a platform in this folder.
-    pub(crate) fn read(config: &PlatformConfig, folder: &Path) -> Result<Self> {
-        let path = folder.join(&config.motion.file().value);
-        let offset_s = config.time_offset_s;
-        let (rows, errors) = match &config.motion {
-            PlatformMotion::Given(..) => return Err(user_error!("{}", PlatformMotion::MISSING)),
-            PlatformMotion::Poses(_) => (read_poses(&path, offset_s)?, OdometryErrors::default()),
-            PlatformMotion::Odometry(_, errors, start) => {
-                (read_odometry(&path, offset_s, start)?, *errors)
-            }
-        };
-        let late = check(&path, &rows, errors)?;
-        if 2 * late > rows.len() {
-            return Err(user_error!(
-                "{}: {late} of {} rows are not later than those before; sort the file by time",
-                path.shown(),
-                rows.len()
-            ));
-        }
-        let times_s: Vec<f64> = rows.iter().map(|(motion, _)| motion.time_s()).collect();
-        if let Some(interval_s) = typical_interval_s(&times_s).filter(|s| *s > MAX_GAP_S) {
-            return Err(user_error!(
-                "{}: its rows are {interval_s} s apart, and more than {MAX_GAP_S} s say nothing about what is between; times are in seconds: are these milliseconds?",
-                path.shown()
-            ));
-        }
-        Ok(Self {
-            name: config.name.clone(),
-            path,
-            errors,
-            rows: rows.into_iter().map(|(motion, _)| motion).collect(),
-            told: 0,
-        })
-    }
-
-    /// Returns the platform's name.
-    pub(crate) fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Returns the platform with all of its motion.
-    pub(crate) fn whole(&self) -> Result<Platform> {
-        let mut platform = Platform::new(self.errors)?.with_history(self.rows.len() + 1);
-        for motion in &self.rows {
-            motion.tell(&mut platform)?;
-        }
-        Ok(platform)
-    }
-
-    /// Returns what is wrong if it is nowhere known where the platform was while a camera took these frames.
-    pub(crate) fn problem_with(&self, frames: &TimeSpan) -> Option<String> {
-        let times_s = || self.rows.iter().map(Motion::time_s);
-        let first_s = times_s().fold(f64::INFINITY, f64::min);
-        let last_s = times_s().fold(f64::NEG_INFINITY, f64::max);
-        let is_near = frames.first_s <= last_s + MAX_EXTRAPOLATION_S
-            && first_s - MAX_EXTRAPOLATION_S <= frames.last_s;
-        (!is_near).then(|| {
-            format!(
-                "{}: covers {first_s} to {last_s} s, and the frames {} to {} s; give the motion during the frames in seconds, \
-                 or set platforms.{}.time_offset_s if the clocks differ",
-                self.path.shown(),
-                frames.first_s,
-                frames.last_s,
-                self.name
-            )
-        })
-    }
-
-    /// Returns warnings about what the platform reported.
-    fn warnings(&self, counts: &PlatformCounts, frames_without_pose: usize) -> Vec<String> {
-        let place = format!("warning: platforms.{}", self.name);
-        let file = self.path.shown();
-        let mut warnings = Vec::new();
-        if frames_without_pose > 0 {
-            let frames = counted(frames_without_pose as u64, "frame");
-            warnings.push(format!(
-                "{place}: {file} has no pose near the times of {frames}, which were not used; targets were predicted meanwhile"
-            ));
-        }
-        if counts.late > 0 {
-            let rows = counted(counts.late as u64, "row");
-            warnings.push(format!(
-                "{place}: ignored {rows} of {file} whose times are not later than those before; sort the file by time, and look for repeated rows"
-            ));
-        }
-        if counts.gaps > 0 {
-            let gaps = counted(counts.gaps as u64, "gap");
-            warnings.push(format!(
-                "{place}: {gaps} between the increments of {file}; the platform was taken to move evenly meanwhile"
-            ));
-        }
-        if counts.jumps > 0 {
-            let jumps = counted(counts.jumps as u64, "jump");
-            let consequence = if matches!(self.rows.last(), Some(Motion::Pose(_))) {
-                "known targets kept their places relative to the platform"
-            } else {
-                "these increments were ignored"
-            };
-            warnings.push(format!(
-                "{place}: {jumps} in {file} that no motion explains; {consequence}; are positions in metres and angles in radians?"
-            ));
-        }
-        if self.is_upside_down() {
-            warnings.push(format!(
-                "{place}: {file} has the platform upside down in every pose; quaternions have w last: qx, qy, qz, qw"
-            ));
-        }
-        warnings
-    }
-
-    /// Reports whether the platform's z axis points down in every pose.
-    fn is_upside_down(&self) -> bool {
-        let is_down = |motion: &Motion| match motion {
-            Motion::Pose(pose) => pose.world_from_platform.rotation[(2, 2)] < -0.5,
-            Motion::Increment(_) => false,
-        };
-        self.rows.iter().all(is_down)
-    }
-}
-
-/// Returns warnings about what the platforms of a tracker reported, one per line.
-pub(crate) fn warnings(platforms: &[PlatformRows], tracker: &Tracker) -> Vec<String> {
-    let of_platform = |(number, platform): (usize, &PlatformRows)| {
-        let id = PlatformId::new(number);
-        let counts = tracker.platform(id).ok()?.counts();
-        let frames = tracker.frames_without_pose(id).ok()?;
-        Some(platform.warnings(&counts, frames))
-    };
-    let platforms = platforms.iter().enumerate();
-    platforms.filter_map(of_platform).flatten().collect()
-}
-
-/// Returns the entries of the summary about the platforms, by name.
-pub(crate) fn entries(platforms: &[PlatformRows], tracker: &Tracker) -> Map<String, Value> {
-    let of_platform = |(number, platform): (usize, &PlatformRows)| {
-        let id = PlatformId::new(number);
-        let counts = tracker.platform(id).ok()?.counts();
-        let entry = json!({
-            "file": platform.path.to_string_lossy().into_owned(),
-            "used": counts.used,
-            "late": counts.late,
-            "jumps": counts.jumps,
-            "gaps": counts.gaps,
-            "frames_without_pose": tracker.frames_without_pose(id).ok()?,
-        });
-        Some((platform.name.clone(), entry))
-    };
-    let platforms = platforms.iter().enumerate();
-    platforms.filter_map(of_platform).collect()
-}
-
-/// Tells the tracker where these platforms are, up to the first row at or after a time in seconds.
-pub(crate) fn tell(
-    platforms: &mut [PlatformRows],
-    tracker: &mut Tracker,
-    time_s: f64,
-) -> Result<()> {
-    for (number, platform) in platforms.iter_mut().enumerate() {
-        let id = PlatformId::new(number);
-        while let Some(motion) = platform.rows.get(platform.told)
-            && tracker
-                .platform(id)?
-                .latest_s()
-                .is_none_or(|latest_s| latest_s < time_s)
-        {
-            match motion {
-                Motion::Pose(pose) => tracker.observe_pose(id, pose)?,
-                Motion::Increment(increment) => tracker.observe_increment(id, increment)?,
-            };
-            platform.told += 1;
-        }
-    }
-    Ok(())
-}
-
-/// Tells a platform these rows of a file, which come with their lines, to see whether it takes them. Returns how many are late.
-fn check(path: &Path, rows: &[(Motion, u64)], errors: OdometryErrors) -> Result<usize> {
-    let mut platform = Platform::new(errors)?;
-    for (motion, line) in rows {
-        let told = motion.tell(&mut platform);
-        told.map_err(|error| user_error!("{}, line {line}: {error}", path.shown()))?;
-    }
-    Ok(platform.counts().late)
-}
-
-/// Reads any bytes as a file of poses or of odometry. Returns the number of rows that a platform takes.
-#[cfg(any(test, feature = "fuzz"))]
-pub(crate) fn read_bytes(bytes: &[u8], path: &Path, is_odometry: bool) -> Result<usize> {
-    let text = text_of(path, bytes.to_vec())?;
-    let rows = if is_odometry {
-        let table = Table::from_reader(path, text.as_bytes())?;
-        odometry_in(path, &table, 0.0, &Pose::identity())?
-    } else {
-        poses_in(path, &text, 0.0)?
-    };
-    check(path, &rows, OdometryErrors::default())?;
-    Ok(rows.len())
-}
 
 /// The columns of errors: standard deviations along and about all axes, or a covariance.
 enum ErrorColumns<'n> {
@@ -392,12 +148,12 @@ fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
 }
 
 /// Reads a file of poses: a table, or the format of the TUM benchmark. Returns the poses with their lines.
-fn read_poses(path: &Path, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
+pub(super) fn read_poses(path: &Path, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
     poses_in(path, &read_text(path)?, offset_s)
 }
 
 /// Returns the poses in the text of a file, like [`read_poses`].
-fn poses_in(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
+pub(super) fn poses_in(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
     if is_tum(text) {
         return read_tum(path, text, offset_s);
     }
@@ -506,7 +262,11 @@ fn read_tum(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>
 /// Reads a file of odometry. Returns the pose at its start and the increments, with their lines.
 ///
 /// An increment begins at `from_time_s`, if there is this column, or else at the time of the row before, unless rows are missing there.
-fn read_odometry(path: &Path, offset_s: f64, start: &Pose) -> Result<Vec<(Motion, u64)>> {
+pub(super) fn read_odometry(
+    path: &Path,
+    offset_s: f64,
+    start: &Pose,
+) -> Result<Vec<(Motion, u64)>> {
     let text = read_text(path)?;
     let table = Table::from_reader(path, text.as_bytes())?;
     odometry_in(path, &table, offset_s, start)
@@ -582,8 +342,20 @@ fn odometry_in(
     Ok(motions)
 }
 
+/// Reads any bytes as a file of poses or of odometry.
+#[cfg(any(test, feature = "fuzz"))]
+pub(super) fn rows_in(bytes: &[u8], path: &Path, is_odometry: bool) -> Result<Vec<(Motion, u64)>> {
+    let text = text_of(path, bytes.to_vec())?;
+    if is_odometry {
+        let table = Table::from_reader(path, text.as_bytes())?;
+        odometry_in(path, &table, 0.0, &Pose::identity())
+    } else {
+        poses_in(path, &text, 0.0)
+    }
+}
+
 /// Returns the median of the positive differences between times that follow one another; `None` without any.
-fn typical_interval_s(times_s: &[f64]) -> Option<f64> {
+pub(super) fn typical_interval_s(times_s: &[f64]) -> Option<f64> {
     let mut steps_s: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps_s.retain(|step_s| *step_s > 0.0);
     steps_s.sort_by(f64::total_cmp);
