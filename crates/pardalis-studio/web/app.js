@@ -35,6 +35,24 @@ const app = {
     return lastEdit;
   },
 
+  /** Goes to a frame of a camera's recording, plays it or holds it. Of orders that come before the one before is answered, the last counts. */
+  async order(camera, order) {
+    if (orders.has(camera)) {
+      orders.set(camera, { ...orders.get(camera), ...order });
+      return;
+    }
+    try {
+      for (let next = order; next !== null; next = orders.get(camera)) {
+        orders.set(camera, null);
+        await ask("show", { camera, ...next });
+      }
+    } catch (error) {
+      say(error.message, true);
+    } finally {
+      orders.delete(camera);
+    }
+  },
+
   /** Takes a state of the session, unless a later one was faster. */
   take(state) {
     if (state.number < this.state?.number) return;
@@ -75,6 +93,9 @@ const app = {
     renderPanel();
   },
 };
+
+/** The next order to each camera that one is under way to, or null. */
+const orders = new Map();
 
 /** The answer to the last edit that was asked for. */
 let lastEdit = Promise.resolve();
@@ -220,21 +241,21 @@ function captionOf(name) {
     if (source.silent_s) return [...parts, silence(source.silent_s)];
     const lost = `${source.lost ?? 0} of ${(source.frames ?? 0) + (source.lost ?? 0)} lost`;
     const delay = `${Math.round(source.delay_ms ?? 0)} ms late`;
-    const toggle = button(source.is_playing === false ? "▶ Go on" : "❚❚ Hold", () => ask("show", { camera: name, is_playing: source.is_playing === false }), {
+    const toggle = button(source.is_playing === false ? "▶ Go on" : "❚❚ Hold", () => app.order(name, { is_playing: source.is_playing === false }), {
       id: `play-${name}`,
     });
     return [...parts, el("span", { class: "live" }, "live"), el("span", {}, [rate, delay, lost].filter(Boolean).join(" · ")), toggle];
   }
   const count = camera.source.frame_count;
   const frame = source.frame ?? 0;
-  const goTo = (number) => ask("show", { camera: name, frame: Math.min(Math.max(number, 0), (count ?? Infinity) - 1), is_playing: false });
+  const goTo = (number) => app.order(name, { frame: Math.min(Math.max(number, 0), (count ?? Infinity) - 1), is_playing: false });
   const slider =
     count > 1 &&
     el("input", {
       type: "range", id: `frame-${name}`, min: 0, max: count - 1, value: frame, "aria-label": `Frame of ${name}`,
       oninput: (event) => goTo(Number(event.target.value)),
     });
-  const play = button(source.is_playing ? "❚❚" : "▶", () => ask("show", { camera: name, is_playing: !source.is_playing }), {
+  const play = button(source.is_playing ? "❚❚" : "▶", () => app.order(name, { is_playing: !source.is_playing }), {
     id: `play-${name}`, "aria-label": source.is_playing ? "Pause" : "Play",
   });
   const number = el("span", { class: "number-of-frame" }, count ? `${frame} / ${count - 1}` : `${frame}`);

@@ -199,12 +199,40 @@ def test_edits_keep_their_order_and_late_answers_replace_no_later_state(studio, 
         }"""
     )
     page.keyboard.press("Control+Shift+z")
-    page.wait_for_function("window.isWaiting")
+    until(lambda: page.evaluate("window.isWaiting"))
     one.ask("redo")
     expect(diameter).to_have_value("40")
     page.evaluate("window.goOn()")
-    page.wait_for_function("!document.body.classList.contains('busy')")
+    until(lambda: page.evaluate("!document.body.classList.contains('busy')"))
     expect(diameter).to_have_value("40")
+
+
+def test_the_last_of_many_orders_to_a_picture_counts(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "frames")
+    one = studio("frames")
+    page = one.page
+    slider = page.locator("input[id^=frame-]")
+    slider.focus()
+    # The first order takes long to reach the program.
+    page.evaluate(
+        """() => {
+            const { fetch } = window;
+            window.fetch = async (...what) => {
+                window.fetch = fetch;
+                await new Promise((resolve) => setTimeout(resolve, 1000));
+                window.hasGone = true;
+                return fetch(...what);
+            };
+        }"""
+    )
+    for _ in range(5):
+        page.keyboard.press("ArrowRight")
+    until(lambda: page.evaluate("window.hasGone"))
+    number = page.locator(".number-of-frame")
+    expect(number).to_have_text("5 / 109")
+    # It stays there.
+    page.wait_for_timeout(500)
+    expect(number).to_have_text("5 / 109")
 
 
 def test_a_target_that_cannot_be_read_is_not_taken_for_none(studio, tmp_path):

@@ -143,7 +143,7 @@ export function renderBoard(app, camera, listing, open) {
   const again = (value) => { [kind, unit] = value; app.render(); };
   const start = async () => {
     if (!(await app.change("look_for_board", { camera, board: words() }))) return;
-    await app.change("show", { camera, is_playing: true });
+    await app.order(camera, { is_playing: true });
   };
   return [
     !board && el("p", {}, "Hold a printed board up to the camera, still, at many places of the image, near and far, and tilted."),

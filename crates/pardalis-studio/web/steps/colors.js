@@ -96,7 +96,7 @@ export const colors = {
       el(
         "li",
         {},
-        button(`${camera}, frame ${frame}`, () => { app.select("camera", camera); ask("show", { camera, frame, is_playing: false }); }, { class: "entry" }),
+        button(`${camera}, frame ${frame}`, () => { app.select("camera", camera); app.order(camera, { frame, is_playing: false }); }, { class: "entry" }),
         button("Remove", () => app.change("unlabel", { target: target.name, number }), { "aria-label": `Remove the label of frame ${frame}` }),
       ),
     );

@@ -1,6 +1,5 @@
 // The bar below the pictures of a finished run: moves through its recordings, whose frames have the outlines of the run.
 
-import { ask } from "../connection.js";
 import { button, el } from "../elements.js";
 
 /** The camera with the most frames tells where the replay is. */
@@ -19,16 +18,16 @@ export function canReplay(app) {
 function goTo(app, frame, more = {}) {
   const last = longest(app).source.frame_count - 1;
   const share = Math.min(Math.max(frame / last, 0), 1);
-  return Promise.all(app.state.cameras.map(({ name, source }) => ask("show", { camera: name, frame: Math.round(share * (source.frame_count - 1)), is_playing: false, ...more })));
+  for (const { name, source } of app.state.cameras) app.order(name, { frame: Math.round(share * (source.frame_count - 1)), is_playing: false, ...more });
 }
 
 /** Plays from the frame that the bar shows, or from the first at its end. */
 function play(app, from) {
-  return goTo(app, from + 1 >= longest(app).source.frame_count ? 0 : from, { is_playing: true });
+  goTo(app, from + 1 >= longest(app).source.frame_count ? 0 : from, { is_playing: true });
 }
 
 function pause(app) {
-  return Promise.all(app.state.cameras.map(({ name }) => ask("show", { camera: name, is_playing: false })));
+  for (const { name } of app.state.cameras) app.order(name, { is_playing: false });
 }
 
 function now(app) {

@@ -182,7 +182,7 @@ fn a_live_camera_on_a_robot_is_where_the_robot_says() {
             let off_m =
                 (0..3).map(|axis| row[4 + axis].parse::<f64>().unwrap() - position(number)[axis]);
             let error_m = off_m.map(|off_m| off_m * off_m).sum::<f64>().sqrt();
-            // Without poses it would be off by half a metre at the end.
+            // In the frame of the robot, it is more than a metre elsewhere at the end.
             assert!(error_m < 0.2, "{motion}: frame {number}: {error_m}");
         }
         let found = robot.summary();
