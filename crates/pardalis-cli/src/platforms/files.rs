@@ -35,11 +35,22 @@ enum ErrorColumns<'n> {
 }
 
 /// The names of the columns of a covariance: the upper triangle, row by row.
-fn covariance_names() -> Vec<String> {
+pub(super) fn covariance_names() -> Vec<String> {
     let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
     pairs
         .map(|(row, column)| format!("cov_{}_{}", AXES[row], AXES[column]))
         .collect()
+}
+
+/// Returns the covariance with this upper triangle, row by row.
+pub(super) fn covariance_of(upper: &[f64]) -> Result<PoseCovariance, pardalis_core::Error> {
+    let mut rows = [[0.0; 6]; 6];
+    let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
+    for ((row, column), number) in pairs.zip(upper) {
+        rows[row][column] = *number;
+        rows[column][row] = *number;
+    }
+    PoseCovariance::from_matrix(rows)
 }
 
 impl<'n> ErrorColumns<'n> {
@@ -86,17 +97,17 @@ impl<'n> ErrorColumns<'n> {
                     let [number] = row.numbers([*column])?;
                     numbers.push(number);
                 }
-                let mut rows = [[0.0; 6]; 6];
-                let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
-                for ((row, column), number) in pairs.zip(numbers) {
-                    rows[row][column] = number;
-                    rows[column][row] = number;
-                }
-                PoseCovariance::from_matrix(rows)
+                covariance_of(&numbers)
             }
         };
         read.map_err(|error| user_error!("{}: {error}", row.place()))
     }
+}
+
+/// Returns the rotation by a heading as a quaternion, w last.
+pub(super) fn quaternion_of(heading_rad: f64) -> [f64; 4] {
+    let (sin, cos) = libm::sincos(0.5 * heading_rad);
+    [0.0, 0.0, sin, cos]
 }
 
 /// Returns the pose at a position with a rotation; `None` unless the quaternion has length 1.
@@ -153,7 +164,7 @@ pub(super) fn read_poses(path: &Path, offset_s: f64) -> Result<Vec<(Motion, u64)
 }
 
 /// Returns the poses in the text of a file, like [`read_poses`].
-pub(super) fn poses_in(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
+fn poses_in(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
     if is_tum(text) {
         return read_tum(path, text, offset_s);
     }
@@ -198,8 +209,7 @@ pub(super) fn poses_in(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Mo
         let rotation = match (heading, quaternion) {
             (Some(heading), _) => {
                 let [heading_rad] = row.numbers([heading])?;
-                let (sin, cos) = libm::sincos(0.5 * heading_rad);
-                [0.0, 0.0, sin, cos]
+                quaternion_of(heading_rad)
             }
             (None, Some(columns)) => row.numbers(columns)?,
             (None, None) => [0.0, 0.0, 0.0, 1.0],

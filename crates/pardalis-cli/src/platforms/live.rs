@@ -1,7 +1,6 @@
 //! The motion of a platform as it happens: poses that another program sends over UDP.
 
 use std::collections::VecDeque;
-use std::fmt::Write as _;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;
@@ -16,9 +15,9 @@ use pardalis::platform::{Increment, PoseCovariance, StampedPose};
 use serde_json::{Map, Value};
 
 use super::Motion;
-use super::files::poses_in;
+use super::files::{covariance_names, covariance_of, no_rotation, pose_of, quaternion_of};
 use crate::output::{Shown, in_line};
-use crate::timing::{Stopwatch, now_s, now_s_at_unix, unix_s_at};
+use crate::timing::{now_s, now_s_at_unix, unix_s_at};
 use crate::user_error::user_error;
 
 /// What addresses begin with.
@@ -43,21 +42,14 @@ pub(super) struct Live {
     place: String,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
-    opened: OpenedAt,
+    /// When the address was opened, on the clock of the program, in seconds.
+    opened_s: f64,
     /// Where odometry was before its first increment in the world; poses are those of the world without it.
     start: Option<Pose>,
     /// The last pose of odometry, in its own frame.
     previous: Option<StampedPose>,
-    has_warned_of_silence: bool,
-}
-
-/// When the address was opened.
-struct OpenedAt(Stopwatch);
-
-impl std::fmt::Debug for OpenedAt {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} s ago", self.0.elapsed_s())
-    }
+    /// Whether it has been said that nothing comes.
+    is_silent: bool,
 }
 
 #[derive(Debug, Default)]
@@ -72,6 +64,8 @@ struct Arrived {
     /// Poses on the clock of the program.
     poses: VecDeque<StampedPose>,
     counts: LiveCounts,
+    /// When the last one came, on the clock of the program, in seconds.
+    last_s: Option<f64>,
     /// What was wrong with the first datagram that was left out, if that has not been reported yet.
     refusal: Option<String>,
 }
@@ -82,6 +76,8 @@ pub(super) struct LiveCounts {
     pub(super) received: usize,
     /// Those that are no pose, or of no possible time.
     pub(super) unusable: usize,
+    /// The shortest time from the time stamp of a pose to its arrival, in seconds; negative if the clock of the sender is ahead.
+    pub(super) least_age_s: Option<f64>,
 }
 
 impl Arrived {
@@ -102,7 +98,7 @@ impl Shared {
 
 /// Reports whether a `poses` or `odometry` of a scene is an address and not a file.
 pub(crate) fn is_address(text: &str) -> bool {
-    text.starts_with(SCHEME)
+    text.contains("://") || text.to_ascii_lowercase().starts_with("udp:")
 }
 
 impl Live {
@@ -111,10 +107,11 @@ impl Live {
     /// Errors: it is none, or another program has it.
     pub(super) fn open(place: &str, start: Option<Pose>) -> Result<Self> {
         let address = place.strip_prefix(SCHEME).map(str::parse::<SocketAddr>);
-        let address = address.and_then(Result::ok).filter(|a| a.port() > 0);
+        let address = address.and_then(Result::ok);
+        let address = address.filter(|a| a.port() > 0 && !a.ip().is_multicast());
         let address = address.ok_or_else(|| {
             user_error!(
-                "{place}: allowed: udp://ADDRESS:PORT, an address of this computer in numbers, such as udp://127.0.0.1:7001 for programs on it, or udp://0.0.0.0:7001 for any"
+                "{place}: poses come over UDP; allowed: udp://ADDRESS:PORT, an address of this computer in numbers, such as udp://127.0.0.1:7001 for programs on it, or udp://0.0.0.0:7001 for any"
             )
         })?;
         let socket = UdpSocket::bind(address)
@@ -134,10 +131,10 @@ impl Live {
             place: place.to_owned(),
             shared,
             thread: Some(thread),
-            opened: OpenedAt(Stopwatch::start()),
+            opened_s: now_s(),
             start,
             previous: None,
-            has_warned_of_silence: false,
+            is_silent: false,
         })
     }
 
@@ -191,22 +188,34 @@ impl Live {
         self.shared.arrived().counts
     }
 
-    /// Returns what should be said while tracking, once.
+    /// Returns what was wrong with the first datagram that was left out, if that has not been said.
+    pub(super) fn refusal(&mut self) -> Option<String> {
+        self.shared.arrived().refusal.take()
+    }
+
+    /// Returns what should be said while tracking, and has not been said.
     pub(super) fn news(&mut self) -> Vec<String> {
         let mut arrived = self.shared.arrived();
         let mut news = Vec::new();
         if let Some(refusal) = arrived.refusal.take() {
             news.push(format!(
-                "left out what is no pose, and will count others like it: {refusal}"
+                "left out a datagram, and will count others like it: {refusal}"
             ));
         }
-        let is_silent = arrived.counts.received == 0 && self.opened.0.elapsed_s() > SILENT_S;
-        if is_silent && !self.has_warned_of_silence {
-            self.has_warned_of_silence = true;
-            news.push(format!(
-                "no pose has come to {} yet, and images are not used without; does the other program send to this address?",
-                self.place
-            ));
+        let since_s = now_s() - arrived.last_s.unwrap_or(self.opened_s);
+        if self.is_silent != (since_s > SILENT_S) {
+            self.is_silent = !self.is_silent;
+            news.push(match (self.is_silent, arrived.last_s) {
+                (false, _) => format!("poses come to {} again", self.place),
+                (true, Some(_)) => format!(
+                    "no pose has come to {} for {SILENT_S} s, and images are not used without; does the other program still run?",
+                    self.place
+                ),
+                (true, None) => format!(
+                    "no pose has come to {} yet, and images are not used without; does the other program send to this address?",
+                    self.place
+                ),
+            });
         }
         news
     }
@@ -234,11 +243,17 @@ fn receive(socket: &UdpSocket, place: &str, shared: &Shared) {
                 continue;
             }
         };
-        let pose = pose_in(&bytes[..length], Path::new(place), unix_s_at(now_s()));
+        let arrival_s = now_s();
+        let arrival_unix_s = unix_s_at(arrival_s);
+        let pose = pose_in(&bytes[..length], Path::new(place), arrival_unix_s);
         let mut arrived = shared.arrived();
         arrived.counts.received += 1;
+        arrived.last_s = Some(arrival_s);
         match pose {
             Ok(mut pose) => {
+                let age_s = arrival_unix_s - pose.time_s;
+                let least_s = arrived.counts.least_age_s;
+                arrived.counts.least_age_s = Some(least_s.map_or(age_s, |s| s.min(age_s)));
                 pose.time_s = now_s_at_unix(pose.time_s);
                 if arrived.poses.len() == MAX_WAITING {
                     arrived.poses.pop_front();
@@ -251,48 +266,105 @@ fn receive(socket: &UdpSocket, place: &str, shared: &Shared) {
 }
 
 /// Reads the pose in a datagram: an object in JSON whose keys are the columns of files of poses, but `time_unix_s` for the time, in seconds since 1970; that
-/// of arrival stands in for a missing one.
+/// of arrival stands in for a missing one. Other keys are ignored.
 fn pose_in(bytes: &[u8], place: &Path, arrival_unix_s: f64) -> Result<StampedPose> {
     let shown = place.shown();
-    let object: Map<String, Value> = serde_json::from_slice(bytes)
-        .map_err(|error| user_error!("{shown}: is no object in JSON ({error}); needed: {KEYS}"))?;
-    let mut numbers = Vec::new();
-    for (key, value) in &object {
-        let number = value.as_f64().filter(|number| number.is_finite());
-        let number = number
-            .ok_or_else(|| user_error!("{shown}: {} is {value}; allowed: numbers", in_line(key)))?;
-        numbers.push((&**key, number));
-    }
-    let has = |keys: &[&str]| keys.iter().all(|key| object.contains_key(*key));
-    let is_planar = has(&["x_m", "y_m", "heading_rad"]);
-    if !is_planar && !has(&["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]) {
-        let found: Vec<&str> = object.keys().map(String::as_str).collect();
+    let object: Map<String, Value> = serde_json::from_slice(bytes).map_err(|error| {
+        user_error!(
+            "{shown}: is not one object in JSON ({error}); needed: {KEYS}, all finite numbers"
+        )
+    })?;
+    if object.contains_key("time_s") {
         return Err(user_error!(
-            "{shown}: needed: {KEYS}; found: {}",
-            in_line(&found.join(","))
+            "{shown}: time_s is a column of files; give time_unix_s, seconds since 1970, or leave it out: then the time of arrival counts"
         ));
     }
-    let time_unix_s = match object.get("time_unix_s").and_then(Value::as_f64) {
-        Some(time_s) if (time_s - arrival_unix_s).abs() > MAX_CLOCK_ERROR_S => {
+    let number = |key: &str| -> Result<Option<f64>> {
+        let Some(value) = object.get(key) else {
+            return Ok(None);
+        };
+        let number = value.as_f64().filter(|number| number.is_finite());
+        let number =
+            number.ok_or_else(|| user_error!("{shown}: {key} is {value}; allowed: numbers"))?;
+        Ok(Some(number))
+    };
+    let needed = |key: &str| {
+        number(key)?.ok_or_else(|| {
+            let found: Vec<&str> = object.keys().map(String::as_str).collect();
+            user_error!(
+                "{shown}: needed: {KEYS}; found: {}",
+                in_line(&found.join(","))
+            )
+        })
+    };
+    let [x_m, y_m] = [needed("x_m")?, needed("y_m")?];
+    let (z_m, quaternion) = match number("heading_rad")? {
+        Some(_) if object.contains_key("qw") => {
             return Err(user_error!(
-                "{shown}: time_unix_s is {time_s}, and the clock of this computer shows {arrival_unix_s:.3}; set both clocks, such as with NTP, or leave it out: then the time of arrival counts"
+                "{shown}: has heading_rad and a quaternion, which may differ; keep one of them"
             ));
         }
-        time_s => time_s.unwrap_or(arrival_unix_s),
+        Some(heading_rad) => (number("z_m")?.unwrap_or(0.0), quaternion_of(heading_rad)),
+        None => (
+            needed("z_m")?,
+            [needed("qx")?, needed("qy")?, needed("qz")?, needed("qw")?],
+        ),
     };
-    let (mut header, mut row) = ("time_s".to_owned(), time_unix_s.to_string());
-    for (key, number) in numbers {
-        if !matches!(key, "time_s" | "time_unix_s") && !key.contains([',', '"', '\n', '\r']) {
-            // Writing to a String cannot fail.
-            let _ = write!(header, ",{key}");
-            let _ = write!(row, ",{number}");
-        }
+    let world_from_platform =
+        pose_of([x_m, y_m, z_m], quaternion).ok_or_else(|| no_rotation(&shown, quaternion))?;
+    Ok(StampedPose {
+        time_s: time_of(number("time_unix_s")?, arrival_unix_s)
+            .map_err(|problem| user_error!("{shown}: {problem}"))?,
+        world_from_platform,
+        covariance: covariance_in(&object, &needed, &number)
+            .map_err(|error| user_error!("{shown}: {error}"))?,
+    })
+}
+
+/// Returns the time of a pose that comes at this time, both in seconds since 1970; an error if their clocks are others.
+fn time_of(time_unix_s: Option<f64>, arrival_unix_s: f64) -> Result<f64, String> {
+    let Some(time_unix_s) = time_unix_s else {
+        return Ok(arrival_unix_s);
+    };
+    let ahead_s = time_unix_s - arrival_unix_s;
+    if ahead_s.abs() <= MAX_CLOCK_ERROR_S {
+        return Ok(time_unix_s);
     }
-    let poses = poses_in(place, &format!("{header}\n{row}\n"), 0.0)?;
-    match poses[..] {
-        [(Motion::Pose(pose), _)] => Ok(pose),
-        _ => Err(user_error!("{shown}: needed: {KEYS}")),
+    let remedy = if (1e-3 * time_unix_s - arrival_unix_s).abs() <= MAX_CLOCK_ERROR_S {
+        "give seconds, not milliseconds"
+    } else {
+        "set both clocks, such as with NTP, or leave it out: then the time of arrival counts"
+    };
+    let (by_s, way) = (
+        ahead_s.abs(),
+        if ahead_s > 0.0 { "ahead of" } else { "behind" },
+    );
+    Err(format!(
+        "time_unix_s is {time_unix_s}, {by_s:.1} s {way} the clock of this computer; {remedy}"
+    ))
+}
+
+/// Reads the errors of a pose.
+fn covariance_in(
+    object: &Map<String, Value>,
+    needed: &impl Fn(&str) -> Result<f64>,
+    number: &impl Fn(&str) -> Result<Option<f64>>,
+) -> Result<PoseCovariance> {
+    if object.contains_key("sigma_m") || object.contains_key("sigma_rad") {
+        let sigmas = [number("sigma_m")?, number("sigma_rad")?];
+        let [Some(sigma_m), Some(sigma_rad)] = sigmas else {
+            return Err(user_error!(
+                "needed: sigma_m and sigma_rad, or none of them"
+            ));
+        };
+        return Ok(PoseCovariance::of_sigmas(sigma_m, sigma_rad)?);
     }
+    if !object.keys().any(|key| key.starts_with("cov_")) {
+        return Ok(PoseCovariance::zero());
+    }
+    let names = covariance_names();
+    let upper = names.iter().map(|name| needed(name));
+    Ok(covariance_of(&upper.collect::<Result<Vec<_>>>()?)?)
 }
 
 /// When datagrams of [`read_bytes`] arrive, in seconds since 1970.
@@ -335,7 +407,7 @@ mod tests {
     #[test]
     fn what_is_no_pose_is_refused_with_the_remedy() {
         let refused = [
-            ("7", "is no object in JSON"),
+            ("7", "is not one object in JSON"),
             (
                 "{\"x_m\": 1, \"y_m\": 2}",
                 "needed: x_m,y_m,z_m,qx,qy,qz,qw or x_m,y_m,heading_rad, and perhaps time_unix_s; found: x_m,y_m",
@@ -350,7 +422,7 @@ mod tests {
             ),
             (
                 "{\"x_m\": 1, \"y_m\": 2, \"heading_rad\": 0, \"time_unix_s\": 12.5}",
-                "time_unix_s is 12.5, and the clock of this computer shows 1750000000.000; set both clocks",
+                "time_unix_s is 12.5, 1749999987.5 s behind the clock of this computer; set both clocks",
             ),
             (
                 "{\"x_m\": 1, \"y_m\": 2, \"z_m\": 3, \"qx\": 0, \"qy\": 0, \"qz\": 0.6, \"qw\": 0.6}",
@@ -358,7 +430,19 @@ mod tests {
             ),
             (
                 "{\"x_m\": 1, \"y_m\": 2, \"heading_rad\": 0, \"qw\": 1}",
-                "has heading_rad and quaternions",
+                "has heading_rad and a quaternion",
+            ),
+            (
+                "{\"x_m\": 1, \"y_m\": 2, \"heading_rad\": 0, \"time_unix_s\": 1750000000000}",
+                "give seconds, not milliseconds",
+            ),
+            (
+                "{\"x_m\": 1, \"y_m\": 2, \"heading_rad\": 0, \"time_s\": 1}",
+                "give time_unix_s",
+            ),
+            (
+                "{\"x_m\": 1, \"y_m\": 2, \"heading_rad\": 0, \"cov_x_x\": 1}",
+                "needed",
             ),
             (
                 "{\"x_m\": 1, \"y_m\": 2, \"heading_rad\": 0, \"sigma_m\": 0.1}",

@@ -22,6 +22,11 @@ use crate::user_error::user_error;
 use files::{read_odometry, read_poses, typical_interval_s};
 use live::Live;
 
+/// Poses whose times are later than their arrival by more than this many seconds, or earlier by [`MAX_AGE_S`], are of another clock, or useless.
+const MAX_AHEAD_S: f64 = 0.05;
+/// See [`MAX_AHEAD_S`].
+const MAX_AGE_S: f64 = 0.2;
+
 /// One row of a file, or what has come at one time.
 #[derive(Debug, Clone, Copy)]
 enum Motion {
@@ -181,7 +186,20 @@ impl PlatformRows {
         if frames_without_pose > 0 {
             let frames = counted(frames_without_pose as u64, "frame");
             warnings.push(format!(
-                "{place}: {file} has no pose near the times of {frames}, which were not used; targets were predicted meanwhile"
+                "{place}: {file} has no pose near the times of {frames}, which were not used{}",
+                if live.is_some() {
+                    ": none came, or their times are not those of the images"
+                } else {
+                    "; targets were predicted meanwhile"
+                }
+            ));
+        }
+        let age_s = live.and_then(|live| live.least_age_s);
+        if let Some(age_s) = age_s.filter(|age_s| !(-MAX_AHEAD_S..MAX_AGE_S).contains(age_s)) {
+            let way = if age_s > 0.0 { "behind" } else { "ahead of" };
+            warnings.push(format!(
+                "{place}: the times of all poses that came to {file} are {:.2} s or more {way} this computer's clock; set both clocks, such as with NTP, or leave out time_unix_s",
+                age_s.abs()
             ));
         }
         if counts.late > 0 {
@@ -208,8 +226,13 @@ impl PlatformRows {
             } else {
                 "known targets kept their places relative to the platform"
             };
+            let cause = if live.is_some() {
+                "do two programs send, or do poses without time_unix_s come irregularly? Are positions in metres and angles in radians?"
+            } else {
+                "are positions in metres and angles in radians?"
+            };
             warnings.push(format!(
-                "{place}: {jumps} in {file} that no motion explains; {consequence}; are positions in metres and angles in radians?"
+                "{place}: {jumps} in {file} that no motion explains; {consequence}; {cause}"
             ));
         }
         if self.is_upside_down() {
@@ -325,9 +348,22 @@ pub(crate) fn tell(
     Ok(())
 }
 
-/// Returns warnings about live platforms from which nothing has come.
-pub(crate) fn silent(platforms: &[PlatformRows]) -> impl Iterator<Item = String> {
-    platforms.iter().filter_map(PlatformRows::silence)
+/// Returns what has come of live platforms, in words, and warnings about what is wrong with it.
+pub(crate) fn heard(platforms: &mut [PlatformRows]) -> (Vec<String>, Vec<String>) {
+    let (mut said, mut warnings) = (Vec::new(), Vec::new());
+    for platform in platforms {
+        warnings.extend(platform.silence());
+        let Some(live) = &mut platform.live else {
+            continue;
+        };
+        let counts = live.counts();
+        let poses = counted((counts.received - counts.unusable) as u64, "pose");
+        let (name, place) = (&platform.name, platform.path.shown());
+        said.push(format!("platforms.{name}: {poses} came to {place}"));
+        let refusal = live.refusal().into_iter();
+        warnings.extend(refusal.map(|refusal| format!("platforms.{name}: {refusal}")));
+    }
+    (said, warnings)
 }
 
 /// Returns what should be said of live platforms while tracking, and has not been said.

@@ -80,8 +80,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         print(target::outcome(&open.scene.targets[number], found));
         warnings.extend(target.missing_warning(path, found));
     }
-    let silent = platforms::silent(&open.platforms);
-    warnings.extend(silent.map(|silent| format!("{}: {silent}", path.shown())));
+    let (heard, wrong) = platforms::heard(&mut open.platforms);
+    heard.iter().for_each(print);
+    warnings.extend(
+        wrong
+            .iter()
+            .map(|wrong| format!("{}: {wrong}", path.shown())),
+    );
     print(cost.text(frames));
     if is_live {
         warnings.extend(cost.warning(path));

@@ -232,31 +232,41 @@ pub(super) enum LearntEdge {
     Ignored,
 }
 
-/// By how much outlines may deviate from those of the guessed camera, pixels: a fisheye lens changes a ball far off its axis by a tenth.
-const TOLERANCE_PX: f32 = 1.5;
+/// By how much outlines may deviate from those of the camera, pixels: first as in a track, then by what a guessed camera leaves, since a fisheye lens changes a
+/// ball far off its axis by a tenth. The latter alone would take outlines for right that are 5 pixels off those of a ball with a dark side, and find less
+/// of what is clear.
+const TOLERANCES_PX: [Option<f32>; 2] = [None, Some(1.5)];
 
-/// Detects a ball in a view as in the first frame of a track, with default settings except that the camera may be a guess.
+/// Detects a ball in a view as in the first frame of a track, with default settings, or else as one of which the camera is a guess.
 pub(super) fn detect(
     frame: &Frame,
     model: &ColorModel,
     edge: LearntEdge,
     view: View,
 ) -> Result<Option<Found>> {
-    let (shape, tracker, target) = observed(frame, model, edge, view)?;
-    let known = tracker.estimate(target)?.kinematics;
-    Ok(known.and_then(|known| outline_at(&tracker, shape, known.position_m)))
+    for tolerance_px in TOLERANCES_PX {
+        let (shape, tracker, target) = observed(frame, model, (edge, tolerance_px), view.clone())?;
+        let known = tracker.estimate(target)?.kinematics;
+        let found = known.and_then(|known| outline_at(&tracker, shape, known.position_m));
+        if found.is_some() {
+            return Ok(found);
+        }
+    }
+    Ok(None)
 }
 
 /// Lets a tracker of a ball observe one frame.
 fn observed(
     frame: &Frame,
     model: &ColorModel,
-    edge: LearntEdge,
+    (edge, tolerance_px): (LearntEdge, Option<f32>),
     view: View,
 ) -> Result<(Shape, Tracker, TargetId)> {
     let mut ball = DetectedSettings::ball(RADIUS_M, model.clone())?;
     ball.edge.learned_profile = edge == LearntEdge::Used;
-    ball.tuning.edge.judged_tolerance_px = TOLERANCE_PX;
+    if let Some(tolerance_px) = tolerance_px {
+        ball.tuning.edge.judged_tolerance_px = tolerance_px;
+    }
     let shape = ball.shape;
     let mut setup = Tracker::builder();
     let camera = setup.camera(view);
@@ -285,16 +295,21 @@ pub(super) fn fit(
     rough: &Circle,
     view: View,
 ) -> Result<Option<Found>> {
-    let (shape, tracker, target) = observed(frame, model, LearntEdge::Ignored, view)?;
-    let candidates = tracker.candidates(target)?.flatten();
-    let allowed_px = (ROUGH.0 * rough.radius_px).max(ROUGH.1);
-    let fits = candidates.filter_map(|candidate| {
-        let found = outline_at(&tracker, shape, candidate.position_m?)?;
-        let off_px = rough.radii_to(&found.circle) * rough.radius_px;
-        let larger_px = found.circle.radius_px - rough.radius_px;
-        let is_it = off_px < allowed_px && larger_px.abs() < allowed_px;
-        is_it.then_some((candidate.outline_nats?, found))
-    });
-    let best = fits.max_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(best.map(|(_, found)| found.enlarged(TOO_SMALL_PX)))
+    for tolerance_px in TOLERANCES_PX {
+        let settings = (LearntEdge::Ignored, tolerance_px);
+        let (shape, tracker, target) = observed(frame, model, settings, view.clone())?;
+        let candidates = tracker.candidates(target)?.flatten();
+        let allowed_px = (ROUGH.0 * rough.radius_px).max(ROUGH.1);
+        let fits = candidates.filter_map(|candidate| {
+            let found = outline_at(&tracker, shape, candidate.position_m?)?;
+            let off_px = rough.radii_to(&found.circle) * rough.radius_px;
+            let larger_px = found.circle.radius_px - rough.radius_px;
+            let is_it = off_px < allowed_px && larger_px.abs() < allowed_px;
+            is_it.then_some((candidate.outline_nats?, found))
+        });
+        if let Some((_, best)) = fits.max_by(|a, b| a.0.total_cmp(&b.0)) {
+            return Ok(Some(best.enlarged(TOO_SMALL_PX)));
+        }
+    }
+    Ok(None)
 }

@@ -200,7 +200,7 @@ fn a_live_camera_on_a_robot_is_where_the_robot_says() {
         let place = format!("udp://{}", robot.address);
         for text in [
             format!(
-                "warning: platforms.robot: left out what is no pose, and will count others like it: {place}: is no object in JSON"
+                "warning: platforms.robot: left out a datagram, and will count others like it: {place}: is not one object in JSON"
             ),
             format!(
                 "warning: platforms.robot: left out 3 of {received} datagrams that came to {place}"
@@ -222,11 +222,45 @@ fn a_robot_that_keeps_silent_is_reported() {
             "warning: platforms.robot: no pose has come to {place} yet, and images are not used without"
         ),
         format!("warning: platforms.robot: nothing came to {place}; let the other program"),
-        "no pose near the times of 60 frames".to_owned(),
+        "no pose near the times of 60 frames, which were not used: none came".to_owned(),
     ] {
         assert!(run.stderr.contains(&text), "{}", run.stderr);
     }
     assert!(robot.place.rows().iter().all(|row| row[3] == "searching"));
+}
+
+#[test]
+fn a_robot_that_stops_sending_and_returns_is_reported() {
+    let robot = Robot::new();
+    let run = robot.drive("poses = \"ADDRESS\"", 80, |number, row, begin_unix_s| {
+        let sends = !(10..70).contains(&number);
+        sends.then(|| pose(row, begin_unix_s)).into_iter().collect()
+    });
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let place = format!("udp://{}", robot.address);
+    let stopped = format!(
+        "platforms.robot: no pose has come to {place} for 2 s, and images are not used without"
+    );
+    let returned = format!("platforms.robot: poses come to {place} again");
+    let [stopped, returned] = [stopped, returned].map(|text| run.stderr.find(&text));
+    assert!(stopped.is_some() && stopped < returned, "{}", run.stderr);
+}
+
+#[test]
+fn a_clock_that_is_seconds_off_is_reported() {
+    let robot = Robot::new();
+    let run = robot.drive("poses = \"ADDRESS\"", 30, |_, row, begin_unix_s| {
+        vec![pose(row, begin_unix_s + 3.0)]
+    });
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let place = format!("udp://{}", robot.address);
+    for text in [
+        format!("the times of all poses that came to {place} are "),
+        " s or more ahead of this computer's clock; set both clocks".to_owned(),
+        ": none came, or their times are not those of the images".to_owned(),
+    ] {
+        assert!(run.stderr.contains(&text), "{}", run.stderr);
+    }
 }
 
 #[test]
@@ -255,7 +289,8 @@ fn addresses_that_cannot_be_are_refused_with_their_line() {
         "udp://localhost:7001",
         "udp://127.0.0.1",
         "udp://127.0.0.1:0",
-        "udp://",
+        "tcp://127.0.0.1:7001",
+        "udp://224.0.0.1:7001",
     ] {
         let scene = recorded.replace(&format!("udp://{}", robot.address), address);
         let check = scene.replace(&images, "video = \"udp://lab:5000/cam1\"");

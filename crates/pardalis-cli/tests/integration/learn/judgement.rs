@@ -90,6 +90,42 @@ fn real_balls_are_found_in_the_images_that_they_were_learnt_from() {
 }
 
 #[test]
+fn outlines_are_judged_as_strictly_as_while_tracking() {
+    if Command::new("ffmpeg").arg("-version").output().is_err() {
+        eprintln!("not tested: there is no ffmpeg");
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let clip = data("real-balls/roll");
+    let video = clip.join("clip.mp4").display().to_string();
+    let truth = fs::read_to_string(clip.join("truth.csv")).unwrap();
+    let frames = ["12", "16", "34", "38", "42", "46"];
+    let mut labels = vec!["--image".to_owned(), video];
+    for row in truth.lines().skip(1) {
+        let cells: Vec<&str> = row.split(',').collect();
+        if frames.contains(&cells[0]) {
+            let circle = cells[2..5].join(",");
+            labels.extend(["--frame", cells[0], "--circle", &circle].map(str::to_owned));
+        }
+    }
+    let mut arguments: Vec<&str> = labels.iter().map(String::as_str).collect();
+    arguments.extend(["--no-pictures", "-o", "m.toml"]);
+    let text = report(&folder, &arguments);
+    // With the tolerance for unknown lenses alone, one of them is not clear enough, and another is found 5 pixels beside its place.
+    assert_contains(&text, &["The detector finds the ball in 6 of 6"]);
+    let row = text.lines().rfind(|line| line.contains(" 46 ")).unwrap();
+    let [u, v, _, found_u, found_v, _] = row
+        .split_whitespace()
+        .filter_map(|cell| cell.parse::<f64>().ok())
+        .skip(1)
+        .collect::<Vec<_>>()[..]
+    else {
+        panic!("{row}")
+    };
+    assert!((found_u - u).hypot(found_v - v) < 4.0, "{row}");
+}
+
+#[test]
 fn labels_that_do_not_follow_the_outline_are_reported_and_not_called_good() {
     for clip in ["pendulum", "roll"] {
         for (text, expected) in [
