@@ -604,7 +604,7 @@ fn soak_for_as_long_as_asked() {
     let settings = Settings {
         seed: number("PARDALIS_SOAK_SEED").unwrap_or(1),
         images: hours as usize * IMAGES_IN_AN_HOUR,
-        interval: Duration::from_micros(1500),
+        interval: Duration::from_micros(2500),
         mean_frames_between_faults: 20_000,
         ffmpeg: Command::new("ffmpeg").arg("-version").output().is_ok(),
     };
