@@ -232,8 +232,8 @@ fn a_robot_that_keeps_silent_is_reported() {
 #[test]
 fn a_robot_that_stops_sending_and_returns_is_reported() {
     let robot = Robot::new();
-    let run = robot.drive("poses = \"ADDRESS\"", 80, |number, row, begin_unix_s| {
-        let sends = !(10..70).contains(&number);
+    let run = robot.drive("poses = \"ADDRESS\"", 100, |number, row, begin_unix_s| {
+        let sends = !(10..88).contains(&number);
         sends.then(|| pose(row, begin_unix_s)).into_iter().collect()
     });
     assert_eq!(run.code, Some(0), "{}", run.stderr);
