@@ -46,11 +46,25 @@ const LIVE_OPTIONS: [&str; 6] = [
     "slice",
 ];
 
+/// Options of the output of live sources. Several threads would each hold a frame until another one comes.
+const LIVE_OUTPUT_OPTIONS: [&str; 2] = ["-threads:v", "1"];
+
 /// Added to all time stamps, in seconds, because a NUT stream has none below zero.
 const NUT_OFFSET_S: i64 = 1 << 20;
 
 /// Stands for missing time stamps, in seconds. It is later than any clock says, and fits into ticks of a nanosecond.
 const MISSING_S: f64 = 5e9;
+
+/// What the time stamps of live sources grow by at a frame whose own is missing or does not increase, in ticks of
+/// [`FINE_TIME_BASE`]; see [`Steps`]. `MISSING` is 0.1 ms, `SMALL` 36 hours and `LARGE` 136 years.
+mod step {
+    pub(super) const MISSING: i64 = 1 << 10;
+    pub(super) const SMALL: i64 = 131_072 * 9_000_000;
+    pub(super) const LARGE: i64 = 4_294_967_296 * 9_000_000;
+}
+
+/// Where the time stamps of live sources begin if the first is missing, in seconds: before those of all clocks.
+const LIVE_START_S: i64 = -NUT_OFFSET_S / 2;
 
 /// Size of the buffer before the pipe, in bytes.
 const PIPE_BYTES: usize = 1 << 16;
@@ -146,7 +160,12 @@ impl Programs {
             .and_then(|(n, d)| Some((n.parse().ok()?, d.parse().ok()?)))
             .filter(|&(n, d)| n > 0 && d > 0);
         let filter = format!("{}{filter}", deinterlacing(video, stream));
-        self.run(video, &[], &filter, time_base.unwrap_or(FINE_TIME_BASE))
+        // ffmpeg invents time stamps that are missing, and changes those that do not increase, unless those of decoding do.
+        let filter = format!("{filter},setpts='if(isnan(PTS),{MISSING_S}/TB,PTS)'");
+        let time_base = time_base.unwrap_or(FINE_TIME_BASE);
+        let before_all = NUT_OFFSET_S / 2 * time_base.1 / time_base.0;
+        let stamps = format!("setts=pts=PTS:dts=N-{before_all}");
+        self.run(video, (&[], &["-bsf:v", &stamps]), &filter, time_base)
     }
 
     /// Starts to decode the first video stream of a live source, like [`Programs::decode`], in its own pixel format if it
@@ -162,13 +181,21 @@ impl Programs {
         };
         let first = deinterlacing(video, &ProbedStream::default());
         let filter = format!("{stamps}{first}format={KEPT_FORMATS},{COLOR_FILTER}=checksum=0");
-        self.run(video, &LIVE_OPTIONS, &filter, FINE_TIME_BASE)
+        let filter = format!("{filter},{}", Steps::filter());
+        let mut decode = self.run(
+            video,
+            (&LIVE_OPTIONS, &LIVE_OUTPUT_OPTIONS),
+            &filter,
+            FINE_TIME_BASE,
+        )?;
+        decode.frames.steps = Some(Steps::default());
+        Ok(decode)
     }
 
     fn run(
         &self,
         video: &VideoInput,
-        options: &[&str],
+        (input_options, output_options): (&[&str], &[&str]),
         filter: &str,
         (numerator, denominator): (i64, i64),
     ) -> Result<Decode> {
@@ -176,10 +203,6 @@ impl Programs {
         if video.place == VideoPlace::StandardInput {
             command.stdin(Stdio::inherit());
         }
-        // ffmpeg invents time stamps that are missing, and changes those that do not increase, unless those of decoding do.
-        let filter = format!("{filter},setpts='if(isnan(PTS),{MISSING_S}/TB,PTS)'");
-        let before_all = NUT_OFFSET_S / 2 * denominator / numerator;
-        let stamps = format!("setts=pts=PTS:dts=N-{before_all}");
         command
             .args([
                 "-hide_banner",
@@ -191,13 +214,14 @@ impl Programs {
             ])
             .args(opening(video))
             .args(reading(&video.settings))
-            .args(options)
-            .args(["-i", &url(&video.place), "-map", "0:V:0", "-vf", &filter])
+            .args(input_options)
+            .args(["-i", &url(&video.place), "-map", "0:V:0", "-vf", filter])
             // Otherwise frames of another size are stretched.
             .args(["-autoscale", "0"])
             .args([self.frame_rate_option()?, "passthrough"])
             .args(["-enc_time_base", &format!("{numerator}:{denominator}")])
-            .args(["-c:v", "rawvideo", "-bsf:v", &stamps])
+            .args(["-c:v", "rawvideo"])
+            .args(output_options)
             .args(["-output_ts_offset", &NUT_OFFSET_S.to_string()])
             .args(["-avoid_negative_ts", "disabled", "-write_index", "0"])
             .args(["-flush_packets", "1", "-f", "nut", "pipe:1"])
@@ -220,6 +244,7 @@ impl Programs {
         Ok(Decode {
             frames: Frames {
                 nut: Nut::new(BufReader::with_capacity(PIPE_BYTES, frames)),
+                steps: None,
             },
             colors,
             log: Some(log),
@@ -474,6 +499,60 @@ impl Drop for Decode {
 /// The frames that ffmpeg writes, with their time stamps.
 pub(super) struct Frames {
     nut: Nut<BufReader<ChildStdout>>,
+    /// Of live sources.
+    steps: Option<Steps>,
+}
+
+/// Makes the time stamps of live sources increase, and undoes it. ffmpeg would change others. Stamps of decoding that increase
+/// in their place, as files get them, need a filter that holds each frame until the next one comes.
+///
+/// A stamp that is missing becomes the last one and [`step::MISSING`]. From a stamp on that is not later than the last one by at
+/// least twice as much, all are later by [`step::SMALL`], or by [`step::LARGE`] if it is earlier than the last one by half a small
+/// step. So a stamp that is later than the last one by half a step has made one: clocks are rarely set forward by 18 hours.
+#[derive(Debug, Default)]
+struct Steps {
+    /// The last time stamp as ffmpeg writes it, in ticks.
+    last: Option<i64>,
+    /// The sum of small and large steps.
+    sum: i64,
+}
+
+impl Steps {
+    /// Returns ffmpeg's filters that make the time stamps increase. Variable 0 is the sum of steps.
+    fn filter() -> String {
+        let (numerator, denominator) = FINE_TIME_BASE;
+        let (missing, small, large) = (step::MISSING, step::SMALL, step::LARGE);
+        let start = LIVE_START_S * denominator;
+        let last = format!("if(isnan(PREV_OUTPTS),{start},PREV_OUTPTS)");
+        let back = format!("(PREV_OUTPTS+{}-PTS-ld(0))", 2 * missing);
+        let step = format!(
+            "if(gt({back},0),if(lt({back},{}),{small},{large}),0)",
+            small / 2
+        );
+        let increasing = format!("PTS+st(0,ld(0)+if(isnan(PREV_OUTPTS),0,{step}))");
+        format!(
+            "settb={numerator}/{denominator},setpts='if(isnan(PTS),{last}+{missing},{increasing})'"
+        )
+    }
+
+    /// Returns the time stamp of a frame before this filter, in ticks; `None` if it has none.
+    fn undone(&mut self, ticks: i64) -> Option<i64> {
+        let start = LIVE_START_S * FINE_TIME_BASE.1;
+        let last = self.last.replace(ticks).unwrap_or(start);
+        let later = ticks.saturating_sub(last);
+        // ffmpeg computes with floating point numbers, so that long sums are rounded.
+        if (0..step::MISSING * 3 / 2).contains(&later) {
+            return None;
+        }
+        // Otherwise all stamps before have been missing.
+        let has_last = last > start / 2;
+        let made = |step: &i64| has_last && later >= step / 2;
+        self.sum += [step::LARGE, step::SMALL]
+            .into_iter()
+            .find(made)
+            .unwrap_or(0);
+        Some(ticks.saturating_sub(self.sum))
+    }
 }
 
 impl Frames {
@@ -488,11 +567,13 @@ impl Frames {
         let Some(header) = self.nut.next_frame()? else {
             return Ok(None);
         };
-        let time_s = seconds(header.ticks, self.nut.time_base());
-        Ok(Some((
-            Some(time_s).filter(|&s| s < MISSING_S),
-            header.byte_count,
-        )))
+        let time_base = self.nut.time_base();
+        let ticks = without_offset(header.ticks, time_base);
+        let time_s = match &mut self.steps {
+            Some(steps) => steps.undone(ticks).map(|ticks| seconds(ticks, time_base)),
+            None => Some(seconds(ticks, time_base)).filter(|&time_s| time_s < MISSING_S),
+        };
+        Ok(Some((time_s, header.byte_count)))
     }
 
     /// Reads the bytes of a frame.
@@ -501,11 +582,15 @@ impl Frames {
     }
 }
 
-/// Returns the time in seconds of a stamp to which ffmpeg has added [`NUT_OFFSET_S`], rounded to ticks as ffmpeg does.
+/// Takes [`NUT_OFFSET_S`] from a stamp, rounded to ticks as ffmpeg does.
+pub(super) fn without_offset(ticks: i64, (numerator, denominator): (u64, u64)) -> i64 {
+    let offset = (NUT_OFFSET_S as f64 * denominator as f64 / numerator as f64).round();
+    ticks.wrapping_sub(offset as i64)
+}
+
+/// Returns a time in seconds.
 pub(super) fn seconds(ticks: i64, (numerator, denominator): (u64, u64)) -> f64 {
-    let (numerator, denominator) = (numerator as f64, denominator as f64);
-    let offset = (NUT_OFFSET_S as f64 * denominator / numerator).round();
-    (ticks.wrapping_sub(offset as i64) as f64 * numerator) / denominator
+    (ticks as f64 * numerator as f64) / denominator as f64
 }
 
 /// The operating system's process, shared by everything that may have to end it.

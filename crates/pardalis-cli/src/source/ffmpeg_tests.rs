@@ -92,7 +92,66 @@ fn times_are_exact_although_they_are_moved() {
         let exact = (NUT_OFFSET_S as f64 * denominator as f64 / numerator as f64).round() as i64;
         for ticks in [0, 1, -7, 123_456_789] {
             let wanted = (ticks as f64 * numerator as f64) / denominator as f64;
-            assert_eq!(seconds(exact + ticks, (numerator, denominator)), wanted);
+            let time_base = (numerator, denominator);
+            let found = without_offset(exact + ticks, time_base);
+            assert_eq!(seconds(found, time_base), wanted);
         }
+    }
+}
+
+#[test]
+fn steps_of_time_stamps_are_undone() {
+    let (hour, ms) = (3600 * 9_000_000, 9_000);
+    let since_1970 = 1_800_000_000 * 9_000_000;
+    for (name, stamps) in [
+        ("regular", vec![Some(0), Some(40 * ms), Some(80 * ms)]),
+        ("negative", vec![Some(-40 * ms), Some(0)]),
+        ("equal", vec![Some(0), Some(0), Some(0), Some(40 * ms)]),
+        ("reordered", vec![Some(0), Some(-40 * ms), Some(40 * ms)]),
+        ("too close", vec![Some(0), Some(step::MISSING), Some(ms)]),
+        (
+            "set back",
+            vec![Some(since_1970), Some(since_1970 - 17 * hour)],
+        ),
+        (
+            "set back far",
+            vec![Some(since_1970), Some(0), Some(40 * ms)],
+        ),
+        (
+            "set forward",
+            vec![Some(0), Some(17 * hour), Some(17 * hour + ms)],
+        ),
+        (
+            "missing",
+            vec![Some(0), None, None, Some(40 * ms), Some(80 * ms)],
+        ),
+        ("missing first", vec![None, None, Some(0), Some(40 * ms)]),
+        (
+            "missing and equal",
+            vec![Some(ms), None, Some(ms), None, Some(2 * ms)],
+        ),
+    ] {
+        let (mut sum, mut last) = (0, None);
+        // As ffmpeg computes the filter.
+        let written = stamps.iter().map(|stamp| {
+            let back = |stamp: i64| last.map_or(0, |last| last + 2 * step::MISSING - stamp - sum);
+            let ticks = match *stamp {
+                None => last.unwrap_or(LIVE_START_S * FINE_TIME_BASE.1) + step::MISSING,
+                Some(stamp) => {
+                    sum += match back(stamp) {
+                        ..=0 => 0,
+                        back if back < step::SMALL / 2 => step::SMALL,
+                        _ => step::LARGE,
+                    };
+                    stamp + sum
+                }
+            };
+            assert!(last.is_none_or(|last| last < ticks), "{name}");
+            last = Some(ticks);
+            ticks
+        });
+        let mut steps = Steps::default();
+        let found: Vec<_> = written.map(|ticks| steps.undone(ticks)).collect();
+        assert_eq!(found, stamps, "{name}");
     }
 }

@@ -82,14 +82,19 @@ impl Run {
     }
 }
 
-/// Waits until a running program has written this many lines to a file.
+/// Waits until a running program has written this many lines to a file; fails after a minute.
+#[track_caller]
 pub(crate) fn wait_for_lines(child: &mut Child, path: &Path, count: usize) {
     let written = || fs::read_to_string(path).unwrap_or_default().lines().count();
-    while written() < count {
+    for _ in 0..30_000 {
+        if written() >= count {
+            return;
+        }
         let ended = child.try_wait().unwrap();
         assert!(ended.is_none(), "it ended before it wrote {count} lines");
         std::thread::sleep(Duration::from_millis(2));
     }
+    panic!("it wrote {} of {count} lines", written());
 }
 
 /// Interrupts a running program as Ctrl-C does, and returns how it ends.

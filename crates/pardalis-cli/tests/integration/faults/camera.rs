@@ -19,8 +19,8 @@ const OFFSET_S: i64 = 1 << 20;
 /// Ticks a second.
 const RATE: i64 = 9_000_000;
 
-/// The time stamp of frames that have none, in seconds, as the program asks for.
-pub(super) const MISSING_S: f64 = 5e9;
+/// A frame without a time stamp has that of the last one and this, in seconds, as the program asks for.
+pub(super) const MISSING_S: f64 = 1024.0 / RATE as f64;
 
 /// Number of low bits of a short time stamp; all are written in full.
 const SHORT_BITS: u32 = 7;

@@ -84,7 +84,9 @@ fn a_camera_that_sends_garbage_is_opened_again() {
         ("a short frame", Stream::of(SIZE_PX).frame(0.16, &cut).bytes),
         (
             "a frame without a time",
-            Stream::of(SIZE_PX).frame(MISSING_S, &images[4]).bytes,
+            Stream::of(SIZE_PX)
+                .frame(0.12 + MISSING_S, &images[4])
+                .bytes,
         ),
     ] {
         let cameras = Cameras::new(1, "input.reopen_s = 2");

@@ -14,3 +14,4 @@ mod live_poses;
 mod process;
 #[cfg(target_os = "linux")]
 mod soak;
+mod stamps;
