@@ -76,21 +76,21 @@ class Camera:
 
 
 class Receiver:
-    """What `--send` sends: when each frame was captured and sent."""
+    """What `--send` sends. Single JPEG images have the time stamps of their arrival, by this computer's clock."""
 
     def __init__(self):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
         self.port = self.socket.getsockname()[1]
-        self.captured_s = {}
+        self.arrived_s = {}
         self.rows = []
         threading.Thread(target=self.receive, daemon=True).start()
 
     def receive(self):
         while True:
             line = json.loads(self.socket.recv(65536))
-            self.captured_s[line["frame"]] = line["captured_unix_s"]
-            self.rows.append((line["captured_unix_s"], time.time() - line["captured_unix_s"], line["targets"][0]))
+            self.arrived_s[line["frame"]] = line["time_s"]
+            self.rows.append((line["time_s"], time.time() - line["time_s"], line["targets"][0]))
 
 
 def scene_of(folder, cameras):
@@ -172,7 +172,7 @@ def watched(process, folder, receiver, cameras, seconds):
             text, shown = page.evaluate("[document.querySelector('#now .time').textContent, window.shown]")
             now_s, frame = time.time(), int(re.search(r"\d+", text)[0]) - 1
             samples.append(
-                {"time_s": now_s, "page_age_s": now_s - receiver.captured_s.get(frame, now_s), "shown": shown, "cpu_s": cpu_s(process.pid), "memory_mib": memory_mib(process.pid)}
+                {"time_s": now_s, "page_age_s": now_s - receiver.arrived_s.get(frame, now_s), "shown": shown, "cpu_s": cpu_s(process.pid), "memory_mib": memory_mib(process.pid)}
             )
             time.sleep(1)
         browser.close()
@@ -194,12 +194,10 @@ def row_of(part, samples, receiver, cameras, truth, begin_s):
     rows = [row for row in receiver.rows if from_s <= row[0] < to_s]
     late_ms = [1e3 * row[1] for row in rows]
     errors_mm = []
-    for captured_s, _, target in rows:
+    for arrived_s, _, target in rows:
         if target["position_m"]:
-            # Between frames of the world, the path is straight to a hundredth of a millimetre.
-            place = (captured_s - begin_s) * WORLD_RATE_HZ
-            at = [truth[(int(place) + k) % len(truth)] for k in (0, 1)]
-            wanted = [a + (b - a) * (place % 1) for a, b in zip(*at)]
+            # The last image that a camera has sent.
+            wanted = truth[int((arrived_s - begin_s) * WORLD_RATE_HZ) % len(truth)]
             errors_mm.append(1e3 * sum((x - y) ** 2 for x, y in zip(target["position_m"], wanted)) ** 0.5)
     took_s = to_s - from_s
     start_s = samples[0]["time_s"]
