@@ -2,9 +2,11 @@
 
 use anyhow::Result;
 use pardalis::tracker::{Candidate, Origin, TrackState, Verdict};
+use pardalis::view::View;
 use pardalis::{TargetId, Tracker};
-use pardalis_scene::{BodyConfig, TargetConfig, TrackingConfig};
+use pardalis_scene::{BodyConfig, Scene, TargetConfig, TrackingConfig};
 
+use super::marks::pixel_of;
 use super::{Instant, Sink};
 
 /// Number of reasons reported for each target.
@@ -19,27 +21,40 @@ pub(crate) struct MissedFrames {
     /// One count per verdict, in the order of [`Verdict::ALL`].
     targets: Vec<[usize; Verdict::ALL.len()]>,
     ranges: Vec<Ranges>,
+    /// Where the latest position of each target was out of all images; that of a crowd's members says nothing.
+    exits: Vec<Option<Exit>>,
+    /// The names of the cameras.
+    cameras: Vec<String>,
 }
 
-/// The first ranges of frames without a target, and the number of further ones.
+/// Where a target has left the images.
+#[derive(Debug, Clone, Copy)]
+struct Exit {
+    /// The camera whose image it is nearest to.
+    camera: usize,
+    /// The side of this image; `None` if it left the domain of the camera's model.
+    side: Option<&'static str>,
+}
+
+/// The first ranges of frames without a target, each with where the target was out of the images before, and the number of further ones.
 #[derive(Debug, Clone, Default)]
 struct Ranges {
-    first: Vec<[usize; 2]>,
+    first: Vec<([usize; 2], Option<Exit>)>,
     more: usize,
     /// The last frame of the last range.
     last: Option<usize>,
 }
 
 impl Ranges {
-    fn add(&mut self, frame: usize) {
+    fn add(&mut self, frame: usize, exit: Option<Exit>) {
         let continues = self.last.is_some_and(|last| last + 1 == frame);
         self.last = Some(frame);
         if !continues && self.first.len() == REPORTED_RANGES {
             self.more += 1;
         } else if !continues {
-            self.first.push([frame; 2]);
+            self.first.push(([frame; 2], exit));
         } else if self.more == 0
-            && let Some(range) = self.first.last_mut()
+            && let Some((range, _)) = self.first.last_mut()
         {
             range[1] = frame;
         }
@@ -48,7 +63,7 @@ impl Ranges {
 
 impl std::fmt::Display for Ranges {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let range = |&[first, last]: &[usize; 2]| {
+        let range = |&([first, last], _): &([usize; 2], Option<Exit>)| {
             if first == last {
                 first.to_string()
             } else {
@@ -66,12 +81,19 @@ impl std::fmt::Display for Ranges {
 }
 
 impl MissedFrames {
-    /// Counts those of these targets; of a crowd, the frames without any member.
-    pub(crate) fn of(targets: &[TargetConfig]) -> Self {
+    /// Counts those of the targets of a scene; of a crowd, the frames without any member.
+    pub(crate) fn of(scene: &Scene) -> Self {
+        let targets = &scene.targets;
         Self {
             are_boxed: targets.iter().map(is_boxed).collect(),
             targets: vec![[0; Verdict::ALL.len()]; targets.len()],
             ranges: vec![Ranges::default(); targets.len()],
+            exits: vec![None; targets.len()],
+            cameras: scene
+                .cameras
+                .iter()
+                .map(|camera| camera.name.clone())
+                .collect(),
         }
     }
 
@@ -91,6 +113,17 @@ impl MissedFrames {
             "{name} was not found in {} {ranges}; where it is out of view or hidden, nothing needs mending",
             if missed == 1 { "frame" } else { "frames" }
         );
+        let exits = ranges.first.iter().filter_map(|&([frame, _], exit)| {
+            let Exit { camera, side } = exit?;
+            let image = match &*self.cameras {
+                [_] => "the image".to_owned(),
+                cameras => format!("all images, also that of {}", cameras[camera]),
+            };
+            let side = side.map_or(String::new(), |side| format!(" ({side})"));
+            Some(format!(
+                "its path had left {image}{side} before frame {frame}"
+            ))
+        });
         let mut reasons: Vec<_> = self.by_reason(target).collect();
         // Of two equally frequent ones that which came nearer.
         reasons.sort_by_key(|&reason| std::cmp::Reverse((reason.1, reason.0)));
@@ -109,8 +142,39 @@ impl MissedFrames {
             )
         };
         let reasons = reasons.iter().take(REPORTED_REASONS).map(line);
-        [frames].into_iter().chain(reasons).collect()
+        [frames].into_iter().chain(exits).chain(reasons).collect()
     }
+}
+
+/// Returns where a position in the world, in metres, is out of the images of all cameras.
+fn exit(views: &[View], position_m: [f64; 3]) -> Option<Exit> {
+    let mut nearest: Option<(f64, Exit)> = None;
+    for (camera, view) in views.iter().enumerate() {
+        let (width, height) = view.size();
+        let (by_px, side) = match pixel_of(view, position_m) {
+            None => (f64::INFINITY, None),
+            Some([u_px, v_px]) => {
+                let sides = [
+                    (-0.5 - u_px, "left"),
+                    (u_px - (width as f64 - 0.5), "right"),
+                    (-0.5 - v_px, "top"),
+                    (v_px - (height as f64 - 0.5), "bottom"),
+                ];
+                let farthest = sides
+                    .into_iter()
+                    .reduce(|a, b| if b.0 > a.0 { b } else { a });
+                let (by_px, side) = farthest?;
+                if by_px <= 0.0 {
+                    return None;
+                }
+                (by_px, Some(side))
+            }
+        };
+        if nearest.is_none_or(|(least_px, _)| by_px < least_px) {
+            nearest = Some((by_px, Exit { camera, side }));
+        }
+    }
+    nearest.map(|(_, exit)| exit)
 }
 
 /// Returns whether another program detects a target.
@@ -128,8 +192,16 @@ impl Sink for MissedFrames {
     fn take(&mut self, instant: &Instant) -> Result<()> {
         for number in 0..self.targets.len() {
             let mut of_target = instant.tracked.iter().filter(|one| one.target == number);
-            if of_target.all(|one| !is_known(one.estimate.state)) {
-                self.ranges[number].add(instant.index);
+            if let Some(known) = of_target.find(|one| is_known(one.estimate.state)) {
+                let position_m = known.estimate.kinematics.map(|k| k.position_m);
+                let views = instant.tracker.views();
+                let is_alone = known.member.is_none();
+                self.exits[number] = position_m
+                    .filter(|_| is_alone)
+                    .and_then(|at_m| exit(views, at_m));
+            } else {
+                let exit = self.exits[number];
+                self.ranges[number].add(instant.index, exit);
                 let reasons = reasons(instant.tracker, TargetId::new(number))?;
                 for (frames, verdict) in self.targets[number].iter_mut().zip(Verdict::ALL) {
                     *frames += usize::from(reasons.contains(&verdict));
@@ -240,17 +312,17 @@ mod tests {
     fn ranges_of_frames_are_listed_and_counted() {
         let mut ranges = Ranges::default();
         for frame in [3, 4, 5, 9, 11, 12, 20, 30, 40, 41] {
-            ranges.add(frame);
+            ranges.add(frame, None);
         }
         assert_eq!(ranges.to_string(), "3 to 5, 9, 11 to 12, 20, 30, 40 to 41");
         for frame in [50, 51] {
-            ranges.add(frame);
+            ranges.add(frame, None);
         }
         assert_eq!(
             ranges.to_string(),
             "3 to 5, 9, 11 to 12, 20, 30, 40 to 41 and once more"
         );
-        ranges.add(60);
+        ranges.add(60, None);
         assert!(
             ranges.to_string().ends_with(" and 2 more times"),
             "{ranges}"

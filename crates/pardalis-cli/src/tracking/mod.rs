@@ -300,7 +300,7 @@ pub(crate) fn run_steps(
     let mut extras = Extras::create(scene_path, &open, options)?;
     let mut series = SeriesCollector::new(&open.scene);
     let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
-    let mut missed = MissedFrames::of(&open.scene.targets);
+    let mut missed = MissedFrames::of(&open.scene);
     let pool = options.threads.start()?;
     let mut sinks = Sinks {
         needed: vec![&mut rows, &mut series, &mut missed],

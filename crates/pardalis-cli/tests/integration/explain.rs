@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 use std::fs;
 
-use crate::common::{Run, Workplace, data, scene_with};
+use crate::common::{Run, Workplace, data, frame_file, scene_with};
 use pardalis::tracker::Verdict;
-use pardalis_images::decode;
+use pardalis_images::{RgbImage, decode, encode_png};
 use serde_json::Value;
 
 /// The header of candidates.csv.
@@ -48,6 +48,37 @@ fn missed(place: &Workplace) -> Value {
 fn explained(place: &Workplace, scene: &str, more: &[&str]) -> Run {
     let arguments = [&["-o", "out", "--no-plots", "--explain"], more].concat();
     place.track_with(scene, &arguments)
+}
+
+/// The ball of the sequence flies from right to left.
+#[test]
+fn the_run_says_where_a_target_left_the_image() {
+    const CUT_PX: usize = 300;
+    let place = Workplace::with_frames(0);
+    for number in 20..60 {
+        let image = decode(&fs::read(frame_file(number)).unwrap()).unwrap();
+        let width = image.width() as usize;
+        let rows = image.as_raw().chunks_exact(3 * width);
+        let cut: Vec<u8> = rows.flat_map(|row| &row[3 * CUT_PX..]).copied().collect();
+        let cut = RgbImage::from_raw((width - CUT_PX) as u32, image.height(), cut).unwrap();
+        place.write(
+            &format!("images/{number:06}.png"),
+            encode_png(&cut).unwrap(),
+        );
+    }
+    let scene = detected("orange-ball.hsi.colors.toml").replace("319.5", "19.5");
+    let run = place.track(scene);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let rows = place.rows();
+    let is_known = |row: &&Vec<String>| ["tracking", "occluded"].contains(&&*row[3]);
+    let first = rows.iter().rev().find(is_known).unwrap()[0]
+        .parse::<usize>()
+        .unwrap()
+        + 1;
+    assert!((15..35).contains(&first), "{first}");
+    let wanted = format!("  its path had left the image (left) before frame {first}\n");
+    let report = run.stdout + &run.stderr;
+    assert!(report.contains(&wanted), "{wanted} in {report}");
 }
 
 #[test]
