@@ -301,6 +301,13 @@ impl Parts {
     ///
     /// Errors: the stills cannot be opened.
     fn open_cameras(&mut self, folder: &Path, stills: &[PathBuf], live: &mut Live) -> Result<()> {
+        // The images that come while a camera is being opened need poses, too.
+        let listening: Vec<_> = (self.scene.platforms.iter())
+            .map(|platform| {
+                let place = &platform.motion.file().value;
+                platforms::live::is_address(place).then(|| PlatformRows::listen(platform))
+            })
+            .collect();
         for camera in &mut self.scene.cameras {
             let source = if stills.is_empty() {
                 open_source(camera, folder, &mut self.scene.resolved, live)
@@ -317,7 +324,7 @@ impl Parts {
         }
         let problems = rig::problems(&self.opened(), folder);
         self.assembly.problems.extend(problems);
-        self.open_platforms(folder);
+        self.open_platforms(folder, listening);
         self.read_measurements(folder);
         self.read_detections(folder, !stills.is_empty());
         Ok(())
@@ -397,15 +404,15 @@ impl Parts {
         }
     }
 
-    /// Reads the motion of all platforms.
-    fn open_platforms(&mut self, folder: &Path) {
-        for platform in &self.scene.platforms {
+    /// Reads the motion of all platforms, except for those that are listened to already.
+    fn open_platforms(&mut self, folder: &Path, listening: Vec<Option<Result<PlatformRows>>>) {
+        for (platform, listening) in self.scene.platforms.iter().zip(listening) {
             let file = platform.motion.file();
             let carried = self.scene.cameras.iter().zip(&self.sources);
             let carried =
                 carried.filter(|(camera, _)| camera.platform.as_ref() == Some(&platform.name));
             let sources: Vec<&Source> = carried.filter_map(|(_, source)| source.as_ref()).collect();
-            let is_address = platforms::live::is_address(&file.value);
+            let is_address = listening.is_some();
             let mismatch = match sources.first() {
                 Some(source) if source.is_live() && !is_address => Some(
                     "is of the past, and a camera on the platform is live; give the address where its poses come in, such as \"udp://127.0.0.1:7001\", or record its video first",
@@ -419,11 +426,7 @@ impl Parts {
                 self.assembly.problems.push(file.problem(mismatch));
                 continue;
             }
-            let rows = if is_address {
-                PlatformRows::listen(platform)
-            } else {
-                PlatformRows::read(platform, folder)
-            };
+            let rows = listening.unwrap_or_else(|| PlatformRows::read(platform, folder));
             let rows = rows.and_then(|rows| {
                 let mut spans = sources.iter().filter_map(|source| source.span());
                 match spans.find_map(|span| rows.problem_with(&span)) {

@@ -80,6 +80,16 @@ impl Robot {
             .replace("DATA", data().to_str().unwrap())
     }
 
+    /// Returns the command that tracks this many images.
+    fn command(&self, motion: &str, count: usize) -> Command {
+        let count_text = count.to_string();
+        let arguments = ["-o", "out", "--no-plots", "--frames", &count_text];
+        let command = self.place.command(self.scene(motion), &arguments);
+        let mut command = with_stand_in(&self.place, command);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
     /// Tracks this many images, which come as they would from the robot. `datagrams` returns what the robot sends with its pose of a number, (time, x, y, heading),
     /// that of the beginning in seconds since 1970 and the time since then.
     fn drive(
@@ -88,12 +98,7 @@ impl Robot {
         count: usize,
         datagrams: impl Fn(usize, &[f64], f64) -> Vec<String> + Sync,
     ) -> Run {
-        let count_text = count.to_string();
-        let arguments = ["-o", "out", "--no-plots", "--frames", &count_text];
-        let command = self.place.command(self.scene(motion), &arguments);
-        let mut command = with_stand_in(&self.place, command);
-        let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
-        let program = command.spawn().unwrap();
+        let program = self.command(motion, count).spawn().unwrap();
         let images: Vec<Vec<u8>> = (0..count)
             .map(|number| {
                 let file = data().join(format!("frames/{number:06}.jpg"));
@@ -209,6 +214,33 @@ fn a_live_camera_on_a_robot_is_where_the_robot_says() {
             assert!(run.stderr.contains(&text), "{}", run.stderr);
         }
     }
+}
+
+#[test]
+fn poses_are_taken_while_the_camera_is_being_opened() {
+    let robot = Robot::new();
+    let mut command = robot.command("poses = \"ADDRESS\"", 3);
+    let program = command.spawn().unwrap();
+    // Waits until the program waits for the first image.
+    let mut pipe = File::create(robot.place.path("cam1.pipe")).unwrap();
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    for row in numbers("poses.csv").iter().take(30) {
+        let datagram = pose(row, unix_s() - row[0]);
+        socket.send_to(datagram.as_bytes(), &robot.address).unwrap();
+        thread::sleep(Duration::from_millis(10));
+    }
+    let mut bytes = Stream::of(SIZE_PX).bytes;
+    for number in 0..3 {
+        let image = vec![0; 3 * SIZE_PX.0 * SIZE_PX.1];
+        write_frame(&mut bytes, 1e6 + INTERVAL_S * f64::from(number), &image);
+    }
+    pipe.write_all(&bytes).unwrap();
+    drop(pipe);
+    let run = Run::from(program.wait_with_output().unwrap());
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let found = robot.summary();
+    // The last may come when the run is over.
+    assert!(found["received"].as_u64().unwrap() >= 20, "{found}");
 }
 
 #[test]
