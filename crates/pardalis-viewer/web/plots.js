@@ -100,8 +100,8 @@ export class Plots {
       cursor: { y: false, points: { show: false }, sync: { key: this.#key(), setSeries: false } },
       scales: { x: { time: false }, y: { range: kind.range ? () => [-0.04, 1.04] : (_, low, high) => spanned(low, high, kind.span) } },
       axes: [
-        { ...axis, size: 24, gap: 3, values: (_, ticks) => ticks.map((at) => tick(at, ticks[1] - ticks[0] || 1) + " s") },
-        { ...axis, size: GUTTER_PX, gap: 4, values: (_, ticks) => ticks.map((at) => tick(at, ticks[1] - ticks[0] || 1)) },
+        { ...axis, size: 24, gap: 3, values: (_, ticks) => ticks.map((at) => tick(at, ticks[1] - ticks[0] || Math.abs(at) || 1) + " s") },
+        { ...axis, size: GUTTER_PX, gap: 4, values: (_, ticks) => ticks.map((at) => tick(at, ticks[1] - ticks[0] || Math.abs(at) || 1)) },
       ],
       series: [{}, ...series],
       bands: hasBand ? bands : [],

@@ -76,6 +76,13 @@ export class Track {
     return place.every(Number.isFinite) ? place : null;
   }
 
+  /** Returns the index of the last row with a position, or −1. */
+  lastPosition() {
+    let row = this.length - 1;
+    while (row >= 0 && !this.position(row)) row--;
+    return row;
+  }
+
   /** Whether any row has a value in this column. */
   has(column) {
     const values = this[column];

@@ -146,10 +146,20 @@ fn decade_ticks(range: &Range<f64>, max_count: f64) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// Returns multiples of 1, 2 or 5 times a power of ten, about `max_count` at most, and the number of decimals they
-/// need.
+/// Returns multiples of 1, 2 or 5 times a power of ten, about `max_count` at most but at least two, because a single one is no scale, and the number
+/// of decimals they need.
 pub(super) fn ticks(range: &Range<f64>, max_count: f64) -> (Vec<f64>, usize) {
-    let spacing = (range.end - range.start) / max_count.max(1.0);
+    let (values, decimals) = multiples(range, max_count.max(1.0));
+    if values.len() < 2 {
+        // Steps of at most half the range, to whatever they are rounded.
+        return multiples(range, 5.0);
+    }
+    (values, decimals)
+}
+
+/// The same, but there may be fewer than two.
+fn multiples(range: &Range<f64>, max_count: f64) -> (Vec<f64>, usize) {
+    let spacing = (range.end - range.start) / max_count;
     let exponent = libm::log10(spacing).floor();
     let power = libm::pow(10_f64, exponent);
     let (step, step_exponent) = if spacing <= power {
@@ -284,9 +294,10 @@ mod tests {
             ticks(&(0.0..100.0), 5.0),
             (vec![0.0, 20.0, 40.0, 60.0, 80.0, 100.0], 0)
         );
+        assert_eq!(ticks(&(1.0..9.0), 1.5), (vec![2.0, 4.0, 6.0, 8.0], 0));
         for range in [0.0..2e-3, 1.7e9..1.7e9 + 2.0, -1e5..1e5, 5.0..5.1] {
             let (values, _) = ticks(&range, 6.0);
-            assert!((1..=7).contains(&values.len()), "{range:?}: {values:?}");
+            assert!((2..=7).contains(&values.len()), "{range:?}: {values:?}");
             assert!(
                 values.iter().all(|v| range.start <= *v && *v <= range.end),
                 "{range:?}: {values:?}"
