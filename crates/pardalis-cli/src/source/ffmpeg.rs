@@ -547,10 +547,8 @@ impl Steps {
         // Otherwise all stamps before have been missing.
         let has_last = last > start / 2;
         let made = |step: &i64| has_last && later >= step / 2;
-        self.sum += [step::LARGE, step::SMALL]
-            .into_iter()
-            .find(made)
-            .unwrap_or(0);
+        let step = [step::LARGE, step::SMALL].into_iter().find(made);
+        self.sum = self.sum.saturating_add(step.unwrap_or(0));
         Some(ticks.saturating_sub(self.sum))
     }
 }

@@ -1,6 +1,8 @@
 //! Collects frames of several cameras as they arrive and emits them in order of time. Independent of sources and
 //! clocks.
 
+use std::collections::VecDeque;
+
 use pardalis::{CameraId, Error, Frame};
 use serde::Serialize;
 
@@ -18,6 +20,11 @@ const MAX_BEHIND: usize = 2;
 /// The most memory of frames that wait for earlier ones, in bytes. A recording in which a single time stamp is far too late
 /// would otherwise be held in memory from there to its end.
 const MAX_HELD_BYTES: usize = 1 << 30;
+
+/// The next frame of a live camera is not expected sooner after its last one than this share of the shortest of so many intervals, the latest. Hand-set: half a
+/// second at 30 frames per second, and time stamps that vary by a tenth.
+const INTERVALS: usize = 16;
+const SHORTEST_INTERVALS: f64 = 0.9;
 
 /// When a run ends although there may be further frames.
 #[derive(Debug, Clone, Copy, Default)]
@@ -114,6 +121,24 @@ struct Seen {
     last: Option<Frame>,
     /// The time stamp of the frame that was emitted last, in seconds.
     emitted_s: Option<f64>,
+    /// The latest intervals between time stamps, in seconds.
+    intervals_s: VecDeque<f64>,
+}
+
+impl Seen {
+    /// Returns the time before which no further frame is expected, in seconds.
+    fn next_s(&self) -> f64 {
+        let last_s = self.counts.last_time_s.unwrap_or(f64::NEG_INFINITY);
+        if self.intervals_s.len() < INTERVALS {
+            return last_s;
+        }
+        let shortest_s = self
+            .intervals_s
+            .iter()
+            .copied()
+            .fold(f64::INFINITY, f64::min);
+        last_s + SHORTEST_INTERVALS * shortest_s
+    }
 }
 
 /// The set that was emitted last.
@@ -133,7 +158,7 @@ struct Arrivals {
 pub(crate) struct Merge {
     /// How long frames are held after their arrival, in seconds.
     hold_s: f64,
-    /// Whether frames are emitted as soon as every camera has delivered later ones. What arrives out of order from one camera is then dropped sooner,
+    /// Whether frames are emitted as soon as no earlier one is expected from any camera. What arrives out of order from one camera is then dropped sooner,
     /// at times that depend on how quickly frames are taken: for live cameras only.
     is_prompt: bool,
     held: Vec<Held>,
@@ -176,7 +201,7 @@ impl Merge {
         }
     }
 
-    /// Emits frames as soon as every camera has delivered later ones.
+    /// Emits frames as soon as no earlier one is expected from any camera.
     pub(crate) fn prompt(self) -> Self {
         Self {
             is_prompt: true,
@@ -222,6 +247,11 @@ impl Merge {
         let number = counts.delivered;
         counts.delivered += 1;
         let known = |known: Option<f64>| known.unwrap_or(time_s);
+        let since_s = time_s - known(counts.last_time_s);
+        if since_s > 0.0 {
+            seen.intervals_s.truncate(INTERVALS - 1);
+            seen.intervals_s.push_front(since_s);
+        }
         counts.first_time_s = Some(known(counts.first_time_s).min(time_s));
         counts.last_time_s = Some(known(counts.last_time_s).max(time_s));
         let frozen = seen
@@ -254,11 +284,13 @@ impl Merge {
         self.held.iter().filter(waits).count() >= MAX_BACKLOG
     }
 
-    /// Returns the time up to which every camera has delivered frames, in seconds, where frames wait for nothing else.
+    /// Returns the time before which no further frame is expected from any camera, in seconds, where frames wait for nothing else.
     fn complete_s(&self) -> f64 {
-        let lasts_s = self.cameras.iter().map(|seen| seen.counts.last_time_s);
-        let lasts_s = lasts_s.map(|last_s| last_s.unwrap_or(f64::NEG_INFINITY));
-        let first_s = lasts_s.fold(f64::INFINITY, f64::min);
+        let first_s = self
+            .cameras
+            .iter()
+            .map(Seen::next_s)
+            .fold(f64::INFINITY, f64::min);
         if self.is_prompt {
             first_s
         } else {

@@ -147,6 +147,39 @@ fn live_cameras_wait_only_for_those_that_have_not_delivered_later_frames() {
 }
 
 #[test]
+fn frames_of_regular_live_cameras_wait_for_no_frame_that_is_not_due() {
+    let mut merge = Merge::new(2, 0.1, Limit::default()).prompt();
+    let emitted_at = |merge: &mut Merge, camera: usize, time_s: f64, arrival_s: f64| {
+        merge.take(camera, frame(time_s), arrival_s);
+        let sets = std::iter::from_fn(|| merge.next_set(arrival_s));
+        sets.map(|set| (set.time_s, set.frames.len()))
+            .collect::<Vec<_>>()
+    };
+    // Camera 1 is 10 ms later than camera 0, and each frame takes 2 ms.
+    for number in 0..30 {
+        let time_s = 0.04 * f64::from(number);
+        let of_first = emitted_at(&mut merge, 0, time_s, time_s + 0.002);
+        let of_second = emitted_at(&mut merge, 1, time_s + 0.01, time_s + 0.012);
+        if number > 20 {
+            assert_eq!(of_first, [(time_s, 1)]);
+            assert_eq!(of_second, [(time_s + 0.01, 1)]);
+        }
+    }
+    // A frame of camera 0 is late, and one of camera 1 waits for it.
+    assert_eq!(emitted_at(&mut merge, 1, 1.21, 1.212), []);
+    assert_eq!(emitted_at(&mut merge, 0, 1.2, 1.213), [(1.2, 1), (1.21, 1)]);
+    // Both at once, as if triggered, one after the other.
+    let mut merge = Merge::new(2, 0.1, Limit::default()).prompt();
+    for number in 0..30 {
+        let time_s = 0.04 * f64::from(number);
+        let of_first = emitted_at(&mut merge, 0, time_s, time_s + 0.002);
+        let of_second = emitted_at(&mut merge, 1, time_s, time_s + 0.003);
+        assert_eq!((of_first, of_second), (vec![], vec![(time_s, 2)]));
+    }
+    assert!(merge.counts().all(|counts| counts.dropped_late == 0));
+}
+
+#[test]
 fn the_oldest_frames_are_dropped_while_tracking_is_slow() {
     let mut merge = Merge::new(2, 0.0, Limit::default());
     for n in 0..5 {
