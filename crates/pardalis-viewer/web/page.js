@@ -12,7 +12,7 @@ document.getElementById("program").append(element("span", {}, data.summary?.vers
 const viewer = new Viewer(document.getElementById("viewer"));
 viewer.setScene(data.scene);
 viewer.setTracks(data.tracks);
-viewer.showLastPosition();
+viewer.showLastSeen();
 if (data.comparison) {
   document.getElementById("title").textContent = data.comparison.names.join(" and ");
   viewer.setComparison(data.comparison);

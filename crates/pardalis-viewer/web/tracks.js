@@ -76,10 +76,10 @@ export class Track {
     return place.every(Number.isFinite) ? place : null;
   }
 
-  /** Returns the index of the last row with a position, or −1. */
-  lastPosition() {
+  /** Returns the index of the last row in which the target was seen, or −1. */
+  lastSeen() {
     let row = this.length - 1;
-    while (row >= 0 && !this.position(row)) row--;
+    while (row >= 0 && STATES[this.state[row]] !== "tracking") row--;
     return row;
   }
 

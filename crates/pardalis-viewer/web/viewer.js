@@ -110,9 +110,9 @@ export class Viewer {
     this.#showIndex(this.times.length - 1);
   }
 
-  /** Shows the latest time at which a target has a position, with the whole trail before it: recordings go on after targets have left. */
-  showLastPosition() {
-    const last = [...this.tracks.all.values()].map((track) => track.time_s[track.lastPosition()] ?? -Infinity);
+  /** Shows the latest time at which a target was seen, with the whole trail before it: recordings go on after targets have left. */
+  showLastSeen() {
+    const last = [...this.tracks.all.values()].map((track) => track.time_s[track.lastSeen()] ?? -Infinity);
     const last_s = Math.max(...last);
     if (Number.isFinite(last_s)) this.setTime(last_s);
   }

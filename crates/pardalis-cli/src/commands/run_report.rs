@@ -36,7 +36,7 @@ fn reasons(run: &Run, number: usize) -> Vec<String> {
     let name = &run.open.scene.targets[number].name;
     let states = &run.series.states()[number];
     let mut lines = (run.missed).lines(number, name, states.searching + states.lost);
-    if !lines.is_empty() {
+    if run.missed.has_unexplained(number) {
         let explained = run
             .files
             .iter()

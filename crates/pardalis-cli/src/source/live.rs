@@ -18,8 +18,14 @@ use crate::output::{note, warn};
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
 
+/// How ffmpeg says that nobody listens at an address.
+const REFUSED: &str = "Connection refused";
+
 /// How long to wait for the first frame of a live source, in seconds, if the scene does not state it.
 const FIRST_FRAME_TIMEOUT_S: f64 = 20.0;
+
+/// How long to try an address where nobody listens, in seconds: senders that serve one connection after another are away for a moment after each.
+const REFUSED_S: f64 = 5.0;
 
 /// How long to wait for a live source before a message appears.
 const SILENT_WAIT: Duration = Duration::from_secs(2);
@@ -57,6 +63,38 @@ const FOLLOWED_S: f64 = 60.0;
 pub(super) fn timeout(video: &VideoInput) -> Duration {
     let timeout_s = video.settings.timeout_s.unwrap_or(FIRST_FRAME_TIMEOUT_S);
     Duration::from_secs_f64(timeout_s)
+}
+
+/// Opens a live source, and returns its stream and its size in pixels.
+///
+/// Errors: those of [`first_of`].
+pub(super) fn open(
+    programs: &Programs,
+    video: &VideoInput,
+    stop: &Stop,
+) -> Result<(Decode, ProbedStream, (usize, usize))> {
+    let input = &*name_of(&video.place);
+    let watch = Stopwatch::start();
+    let mut is_said = false;
+    loop {
+        let mut decode = programs.decode_live(video)?;
+        match first_of(input, &mut decode, timeout(video), Announce::Waiting, stop) {
+            Ok((stream, size_px)) => return Ok((decode, stream, size_px)),
+            Err(error) => {
+                let is_refused = format!("{error:#}").contains(REFUSED);
+                if !is_refused || watch.elapsed_s() >= REFUSED_S || stop.is_requested() {
+                    return Err(error);
+                }
+            }
+        }
+        if !is_said {
+            note(format_args!(
+                "nobody listens at {input}; trying for {REFUSED_S} s"
+            ));
+            is_said = true;
+        }
+        std::thread::sleep(PAUSES[0]);
+    }
 }
 
 /// How a live source that has failed is opened again.
@@ -302,15 +340,17 @@ pub(super) fn first_of(
     }
     Err(user_error!(
         "{input}: ffmpeg cannot open it; {}, and the keys `fps` and `input`. {}",
-        what_to_check(input),
+        what_to_check(input, &messages),
         quoted(&messages)
     ))
 }
 
-/// Returns what is probably wrong with a source that cannot be opened.
-fn what_to_check(input: &str) -> &'static str {
+/// Returns what is probably wrong with a source that cannot be opened, with these messages of ffmpeg.
+fn what_to_check(input: &str, messages: &[String]) -> &'static str {
     if input == name_of(&pardalis_scene::VideoPlace::StandardInput) {
         "it is empty, or an MP4, which cannot be read from a pipe (give the name of the file, or pipe Matroska or MPEG-TS); else check its format"
+    } else if messages.iter().any(|message| message.contains(REFUSED)) {
+        "nobody listens there: start the sender, or check the address"
     } else if input.contains("://") {
         "check the address and the network"
     } else {

@@ -12,7 +12,7 @@ use pardalis_images::MAX_PIXELS;
 use pardalis_scene::{FrameRange, VideoInput};
 
 use super::ffmpeg::{Decode, Programs, is_deinterlaced, is_file, name_of, without_stamps};
-use super::live::{Again, Announce, first_of, quoted, timeout};
+use super::live::{self, Again, quoted, timeout};
 use super::probed::ProbedStream;
 use super::running::{Running, Watchdog};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
@@ -74,9 +74,7 @@ impl VideoFrames {
             let decode = programs.decode(video, &stream, &layout.filter)?;
             (stream, layout, size_px, decode)
         } else {
-            let mut decode = programs.decode_live(video)?;
-            let (stream, size_px) =
-                first_of(input, &mut decode, timeout(video), Announce::Waiting, stop)?;
+            let (decode, stream, size_px) = live::open(programs, video, stop)?;
             check_size(input, size_px)?;
             if stream.format_name == "mpjpeg" && video.settings.format.is_none() {
                 return Err(user_error!(

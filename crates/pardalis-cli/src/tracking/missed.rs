@@ -20,9 +20,13 @@ pub(crate) struct MissedFrames {
     are_boxed: Vec<bool>,
     /// One count per verdict, in the order of [`Verdict::ALL`].
     targets: Vec<[usize; Verdict::ALL.len()]>,
+    /// The same for the frames that follow others in which the target was in an image, and the number of these.
+    unexplained: Vec<([usize; Verdict::ALL.len()], usize)>,
     ranges: Vec<Ranges>,
     /// Where the latest position of each target was out of all images; that of a crowd's members says nothing.
     exits: Vec<Option<Exit>>,
+    /// The latest frame in which each target was seen.
+    seen: Vec<Option<usize>>,
     /// The names of the cameras.
     cameras: Vec<String>,
 }
@@ -34,6 +38,8 @@ struct Exit {
     camera: usize,
     /// The side of this image; `None` if it left the domain of the camera's model.
     side: Option<&'static str>,
+    /// The frame in which it was seen last.
+    seen: Option<usize>,
 }
 
 /// The first ranges of frames without a target, each with where the target was out of the images before, and the number of further ones.
@@ -87,8 +93,10 @@ impl MissedFrames {
         Self {
             are_boxed: targets.iter().map(is_boxed).collect(),
             targets: vec![[0; Verdict::ALL.len()]; targets.len()],
+            unexplained: vec![([0; Verdict::ALL.len()], 0); targets.len()],
             ranges: vec![Ranges::default(); targets.len()],
             exits: vec![None; targets.len()],
+            seen: vec![None; targets.len()],
             cameras: scene
                 .cameras
                 .iter()
@@ -103,7 +111,12 @@ impl MissedFrames {
         counted.filter(|&(_, frames)| frames > 0)
     }
 
-    /// Lists the frames without a target of this name, and the most frequent reasons, one per line. `missed` is the number of these frames.
+    /// Whether a target was missing in a frame that does not follow its leaving the images.
+    pub(crate) fn has_unexplained(&self, target: usize) -> bool {
+        self.unexplained[target].1 > 0
+    }
+
+    /// Lists the frames without a target of this name, where it had left the images, and the most frequent reasons in the other frames, one per line. `missed` is the number of these frames.
     pub(crate) fn lines(&self, target: usize, name: &str, missed: usize) -> Vec<String> {
         if missed == 0 {
             return Vec::new();
@@ -113,26 +126,28 @@ impl MissedFrames {
             "{name} was not found in {} {ranges}; where it is out of view or hidden, nothing needs mending",
             if missed == 1 { "frame" } else { "frames" }
         );
-        let exits = ranges.first.iter().filter_map(|&([frame, _], exit)| {
-            let Exit { camera, side } = exit?;
+        let exits = ranges.first.iter().filter_map(|&(_, exit)| {
+            let Exit { camera, side, seen } = exit?;
             let image = match &*self.cameras {
                 [_] => "the image".to_owned(),
                 cameras => format!("all images, also that of {}", cameras[camera]),
             };
             let side = side.map_or(String::new(), |side| format!(" ({side})"));
-            Some(format!(
-                "its path had left {image}{side} before frame {frame}"
-            ))
+            Some(format!("after frame {} it left {image}{side}", seen?))
         });
-        let mut reasons: Vec<_> = self.by_reason(target).collect();
+        let (counts, unexplained) = self.unexplained[target];
+        let reasons = Verdict::ALL.into_iter().zip(counts);
+        let mut reasons: Vec<_> = reasons.filter(|&(_, frames)| frames > 0).collect();
         // Of two equally frequent ones that which came nearer.
         reasons.sort_by_key(|&reason| std::cmp::Reverse((reason.1, reason.0)));
         let is_boxed = self.are_boxed[target];
         let line = |&(reason, frames): &(Verdict, usize)| {
             let of_these = if missed == 1 {
                 "in this frame".to_owned()
-            } else {
+            } else if unexplained == missed {
                 format!("in {frames} of these {missed} frames")
+            } else {
+                format!("in {frames} of the other {unexplained} frames")
             };
             format!(
                 "{of_these}, {} ({}): {}",
@@ -147,7 +162,7 @@ impl MissedFrames {
 }
 
 /// Returns where a position in the world, in metres, is out of the images of all cameras.
-fn exit(views: &[View], position_m: [f64; 3]) -> Option<Exit> {
+fn exit(views: &[View], position_m: [f64; 3], seen: Option<usize>) -> Option<Exit> {
     let mut nearest: Option<(f64, Exit)> = None;
     for (camera, view) in views.iter().enumerate() {
         let (width, height) = view.size();
@@ -171,7 +186,7 @@ fn exit(views: &[View], position_m: [f64; 3]) -> Option<Exit> {
             }
         };
         if nearest.is_none_or(|(least_px, _)| by_px < least_px) {
-            nearest = Some((by_px, Exit { camera, side }));
+            nearest = Some((by_px, Exit { camera, side, seen }));
         }
     }
     nearest.map(|(_, exit)| exit)
@@ -196,15 +211,28 @@ impl Sink for MissedFrames {
                 let position_m = known.estimate.kinematics.map(|k| k.position_m);
                 let views = instant.tracker.views();
                 let is_alone = known.member.is_none();
+                if known.estimate.state == TrackState::Tracking {
+                    self.seen[number] = Some(instant.index);
+                }
+                let seen = self.seen[number];
                 self.exits[number] = position_m
                     .filter(|_| is_alone)
-                    .and_then(|at_m| exit(views, at_m));
+                    .and_then(|at_m| exit(views, at_m, seen));
             } else {
                 let exit = self.exits[number];
                 self.ranges[number].add(instant.index, exit);
                 let reasons = reasons(instant.tracker, TargetId::new(number))?;
-                for (frames, verdict) in self.targets[number].iter_mut().zip(Verdict::ALL) {
-                    *frames += usize::from(reasons.contains(&verdict));
+                let (unexplained, frames) = &mut self.unexplained[number];
+                *frames += usize::from(exit.is_none());
+                let counts = self.targets[number]
+                    .iter_mut()
+                    .zip(unexplained)
+                    .zip(Verdict::ALL);
+                for ((all, unexplained), _) in
+                    counts.filter(|(_, verdict)| reasons.contains(verdict))
+                {
+                    *all += 1;
+                    *unexplained += usize::from(exit.is_none());
                 }
             }
         }

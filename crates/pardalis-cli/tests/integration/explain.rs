@@ -70,15 +70,17 @@ fn the_run_says_where_a_target_left_the_image() {
     let run = place.track(scene);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let rows = place.rows();
-    let is_known = |row: &&Vec<String>| ["tracking", "occluded"].contains(&&*row[3]);
-    let first = rows.iter().rev().find(is_known).unwrap()[0]
+    let is_seen = |row: &&Vec<String>| row[3] == "tracking";
+    let last = rows.iter().rev().find(is_seen).unwrap()[0]
         .parse::<usize>()
-        .unwrap()
-        + 1;
-    assert!((15..35).contains(&first), "{first}");
-    let wanted = format!("  its path had left the image (left) before frame {first}\n");
+        .unwrap();
+    assert!((15..35).contains(&last), "{last}");
+    let wanted = format!("  after frame {last} it left the image (left)\n");
     let report = run.stdout + &run.stderr;
     assert!(report.contains(&wanted), "{wanted} in {report}");
+    // Nothing else needs an explanation.
+    assert!(!report.contains("frames, "), "{report}");
+    assert!(!report.contains("next: run"), "{report}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Live sources with the real program and the real ffmpeg.
 
 use std::fs::{self, File};
+use std::io::Write as _;
 use std::net::TcpListener;
 use std::process::{Command, Stdio};
 #[cfg(target_os = "linux")]
@@ -220,6 +221,31 @@ fn a_source_that_keeps_silent_is_announced_and_given_up() {
     assert!(run.stderr.contains(&given_up), "{}", run.stderr);
 }
 
+/// A server of ffmpeg serves one connection, and is started again after it.
+#[test]
+fn a_server_that_is_away_for_a_moment_is_awaited() {
+    let Some(place) = with_stream(12) else {
+        return;
+    };
+    let stream = fs::read(place.path("ride.ts")).unwrap();
+    // Its port is free again.
+    let address = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap();
+    let server = std::thread::spawn(move || {
+        std::thread::sleep(std::time::Duration::from_millis(1500));
+        let listener = TcpListener::bind(address).unwrap();
+        listener.accept().unwrap().0.write_all(&stream).unwrap();
+    });
+    let run = place.track(video(&format!("tcp://{address}")));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let wanted = format!("nobody listens at tcp://{address}; trying for 5 s");
+    assert!(run.stderr.contains(&wanted), "{}", run.stderr);
+    assert_eq!(place.rows().len(), 12);
+    server.join().unwrap();
+}
+
 #[test]
 fn sources_that_cannot_be_opened_say_what_to_check() {
     if with_stream(1).is_none() {
@@ -230,7 +256,12 @@ fn sources_that_cannot_be_opened_say_what_to_check() {
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr();
     let address = format!("tcp://{}", address.unwrap());
     let of_address = place.track(video(&address));
-    of_address.refused(&["ffmpeg cannot open it; check the address and the network, and"]);
+    assert_eq!(of_address.code, Some(2), "{}", of_address.stderr);
+    let wanted = "line 3: cameras.cam1.video: ";
+    assert!(of_address.stderr.contains(wanted), "{}", of_address.stderr);
+    let wanted =
+        "ffmpeg cannot open it; nobody listens there: start the sender, or check the address";
+    assert!(of_address.stderr.contains(wanted), "{}", of_address.stderr);
     assert!(!of_address.stderr.contains("pardalis devices"));
     let mut command = place.command(video("-"), &["-o", "-"]);
     Run::of(command.stdin(Stdio::null())).refused(&[

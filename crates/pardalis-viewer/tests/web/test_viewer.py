@@ -178,12 +178,13 @@ def test_rows_without_estimates_leave_gaps(view, open_page):
     assert all(orange[x] > 0 for x in range(10, int(0.38 * plot.width)))
 
 
-def test_a_page_opens_where_a_target_was_last(view, open_page):
-    rows = [row(frame, "ball", (0.01 * frame, 1, 0.5) if 10 <= frame < 60 else None) for frame in range(100)]
+def test_a_page_opens_where_a_target_was_last_seen(view, open_page):
+    states = {frame: "tracking" if frame < 60 else "occluded" for frame in range(10, 70)}
+    rows = [row(frame, "ball", (0.01 * frame, 1, 0.5) if frame in states else None, states.get(frame, "lost")) for frame in range(100)]
     page = open_page(view(rows))
     assert shown(page) == ["0.590", "1.000", "0.500"]
     assert page.locator(".pv-slider").input_value() == "59"
-    # Without any position, at the end.
+    # If it was never seen, at the end.
     page = open_page(view([row(frame, "ball", None) for frame in range(10)]))
     assert page.locator(".pv-slider").input_value() == "9"
 
