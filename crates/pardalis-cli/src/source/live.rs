@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::{Error, Result};
-use pardalis_scene::VideoInput;
+use pardalis_scene::{VideoInput, WhenBehind};
 
 use super::ffmpeg::{Decode, Process, Programs, name_of, not_allowed};
 use super::probed::ProbedStream;
@@ -46,6 +46,11 @@ const NAMED_JUMPS: usize = 3;
 /// How long to wait before attempts to open a source again: before the first, long enough for a device to be released, then twice as long each time, up
 /// to the second.
 const PAUSES: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(2)];
+
+/// The first images of a stream come at once, because they have waited. They are over with the first that comes after its predecessor as slowly as
+/// they were taken, or after this share of that time; after so many seconds in any case.
+const BURST_SHARE: f64 = 0.5;
+const BURST_S: f64 = 2.0;
 
 /// Time stamps continue if they advance like this computer's clock between the frames before and after a failure, up to so
 /// many seconds. Otherwise the clock of the source has started anew.
@@ -114,14 +119,17 @@ impl Again {
             programs: programs.clone(),
             video: video.clone(),
             limit: Duration::from_secs_f64(limit_s),
-            clock: SteadyClock::default(),
+            clock: SteadyClock {
+                keeps_up: video.when_behind() == WhenBehind::Drop,
+                ..SteadyClock::default()
+            },
         })
     }
 
-    /// Returns the time of a frame with this time stamp that arrives now, in seconds. Says so if the camera's clock has been
+    /// Returns the time of a frame with this time stamp that arrives now, in seconds; `None` for one to be left out. Says so if the camera's clock has been
     /// set.
-    pub(super) fn time_s(&mut self, running: &Running, stamp_s: f64) -> f64 {
-        let (time_s, jump_s) = self.clock.time_at_s(stamp_s, now_s());
+    pub(super) fn time_s(&mut self, running: &Running, stamp_s: f64) -> Option<f64> {
+        let (time_s, jump_s) = self.clock.take(stamp_s, now_s());
         if let Some(jump_s) = jump_s {
             let input = name_of(&self.video.place);
             let jumps = running.count_clock_jump();
@@ -201,6 +209,19 @@ struct SteadyClock {
     is_reopened: bool,
     /// After the clock was set, until it is known by how much the first frames came late.
     settling: Option<Settling>,
+    /// Whether frames that come late may be left out.
+    keeps_up: bool,
+    /// Where frames are left out: the first ones after the clock was set or began anew.
+    burst: Option<Burst>,
+}
+
+/// Frames that come at once.
+struct Burst {
+    /// When it began, in seconds.
+    begin_s: f64,
+    /// The time stamp and the arrival of its latest frame, in seconds.
+    stamp_s: f64,
+    arrival_s: f64,
 }
 
 /// What is known after a clock was set.
@@ -217,6 +238,44 @@ struct Settling {
 }
 
 impl SteadyClock {
+    /// Returns the time of a frame as [`SteadyClock::time_at_s`], but `None` for one of those that come at once after a jump: how old they are is not known.
+    fn take(&mut self, stamp_s: f64, arrival_s: f64) -> (Option<f64>, Option<f64>) {
+        if let Some(burst) = &mut self.burst {
+            let is_at_once = arrival_s - burst.arrival_s < BURST_SHARE * (stamp_s - burst.stamp_s);
+            (burst.stamp_s, burst.arrival_s) = (stamp_s, arrival_s);
+            if is_at_once && arrival_s - burst.begin_s < BURST_S {
+                return (None, None);
+            }
+            self.burst = None;
+            self.is_reopened = true;
+        } else if self.keeps_up
+            && let Some(expected_s) = self.expected_after_jump_s(stamp_s, arrival_s)
+        {
+            self.burst = Some(Burst {
+                begin_s: arrival_s,
+                stamp_s,
+                arrival_s,
+            });
+            let jump_s = stamp_s + self.offset_s - expected_s;
+            return (None, (!self.is_reopened).then_some(jump_s));
+        }
+        let (time_s, jump_s) = self.time_at_s(stamp_s, arrival_s);
+        (Some(time_s), jump_s)
+    }
+
+    /// Returns the time that is expected of a frame with this time stamp that arrives at this time, in seconds, if its time stamp has jumped away from it.
+    fn expected_after_jump_s(&self, stamp_s: f64, arrival_s: f64) -> Option<f64> {
+        let time_s = stamp_s + self.offset_s;
+        // The last frame may have arrived late, such as one that ffmpeg held back until a sender began anew.
+        let (last_s, expected_s) = (self.last_s?, self.arrivals.stamp_s(arrival_s)?);
+        let has_jumped = if self.is_reopened {
+            (time_s - expected_s).abs() > SAME_CLOCK_S
+        } else {
+            time_s < last_s - SET_BACK_S || time_s > expected_s + SET_FORWARD_S
+        };
+        has_jumped.then_some(expected_s)
+    }
+
     /// Returns the time of a frame with this time stamp that arrives at this time, in seconds, and the jump of the time stamps
     /// if they jumped while the source was open.
     ///
@@ -224,25 +283,17 @@ impl SteadyClock {
     fn time_at_s(&mut self, stamp_s: f64, arrival_s: f64) -> (f64, Option<f64>) {
         let mut time_s = stamp_s + self.offset_s;
         let mut jump_s = None;
-        // The last frame may have arrived late, such as one that ffmpeg held back until a sender began anew.
-        if let (Some(last_s), Some(expected_s)) = (self.last_s, self.arrivals.stamp_s(arrival_s)) {
-            let has_jumped = if self.is_reopened {
-                (time_s - expected_s).abs() > SAME_CLOCK_S
-            } else {
-                time_s < last_s - SET_BACK_S || time_s > expected_s + SET_FORWARD_S
-            };
-            if has_jumped {
-                jump_s = (!self.is_reopened).then_some(time_s - expected_s);
-                self.offset_s = expected_s - stamp_s;
-                time_s = expected_s;
-                self.settling = Some(Settling {
-                    before: self.arrivals.clone(),
-                    begin_s: arrival_s,
-                    least_s: arrival_s - time_s,
-                    since_s: arrival_s,
-                    has_settled: false,
-                });
-            }
+        if let Some(expected_s) = self.expected_after_jump_s(stamp_s, arrival_s) {
+            jump_s = (!self.is_reopened).then_some(time_s - expected_s);
+            self.offset_s = expected_s - stamp_s;
+            time_s = expected_s;
+            self.settling = Some(Settling {
+                before: self.arrivals.clone(),
+                begin_s: arrival_s,
+                least_s: arrival_s - time_s,
+                since_s: arrival_s,
+                has_settled: false,
+            });
         }
         self.is_reopened = false;
         self.arrivals.take(time_s, arrival_s);
@@ -501,6 +552,48 @@ mod tests {
             .collect();
         let is_regular = |pair: &[f64]| (pair[1] - pair[0] - 0.1).abs() < 1e-9;
         assert!(times_s.windows(2).all(is_regular));
+    }
+
+    #[test]
+    fn the_first_images_after_a_jump_are_left_out_if_they_come_at_once() {
+        let mut clock = SteadyClock {
+            keeps_up: true,
+            ..SteadyClock::default()
+        };
+        for number in 0..50 {
+            let taken_s = 0.04 * f64::from(number);
+            assert_eq!(clock.take(taken_s, taken_s + 0.01), (Some(taken_s), None));
+        }
+        // The sender begins anew at 3 s; its images of the first 0.5 s come at once.
+        let mut times_s = Vec::new();
+        for number in 0..100 {
+            let taken_s = 3.0 + 0.04 * f64::from(number);
+            let arrival_s = (taken_s + 0.01).max(3.5 + 0.001 * f64::from(number));
+            let (time_s, jump_s) = clock.take(1000.0 + taken_s, arrival_s);
+            assert_eq!(jump_s.is_some(), number == 0);
+            times_s.extend(time_s.map(|time_s| time_s - taken_s));
+        }
+        assert!((80..90).contains(&times_s.len()), "{}", times_s.len());
+        assert!(
+            times_s.iter().all(|off_s| off_s.abs() < 1e-9),
+            "{times_s:?}"
+        );
+        // A single wrong time stamp costs one image, and those of a regular stream that begins anew one as well.
+        assert_eq!(clock.take(9000.0, 7.01).0, None);
+        assert!(
+            clock
+                .take(1007.04, 7.05)
+                .0
+                .is_some_and(|s| (s - 7.04).abs() < 1e-9)
+        );
+        clock.is_reopened = true;
+        assert_eq!(clock.take(0.0, 9.01), (None, None));
+        assert!(
+            clock
+                .take(0.04, 9.05)
+                .0
+                .is_some_and(|s| (s - 9.04).abs() < 1e-9)
+        );
     }
 
     #[test]

@@ -386,10 +386,12 @@ impl Source {
         self.overtaken.is_some()
     }
 
-    /// Returns the number of frames that were dropped since the last call because later ones were decoded.
+    /// Returns the number of frames that were dropped since the last call because later ones were decoded, or came with them at once.
     pub(crate) fn take_overtaken(&mut self) -> usize {
         let overtaken = self.overtaken.as_ref();
-        overtaken.map_or(0, |overtaken| overtaken.swap(0, Ordering::Relaxed))
+        let overtaken = overtaken.map_or(0, |overtaken| overtaken.swap(0, Ordering::Relaxed));
+        let left_out = self.process.as_ref();
+        overtaken + left_out.map_or(0, |running| running.take_left_out())
     }
 
     /// Forgets what was counted, as if the source had only now been opened.

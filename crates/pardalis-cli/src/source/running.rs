@@ -30,6 +30,8 @@ struct State {
     joining_errors: usize,
     reopened: usize,
     clock_jumps: usize,
+    /// Frames that were left out, and not counted yet.
+    left_out: usize,
     is_stopped: bool,
     /// Runs while a frame is waited for.
     wait: Option<Stopwatch>,
@@ -58,6 +60,7 @@ impl Running {
                 joining_errors: 0,
                 reopened: 0,
                 clock_jumps: 0,
+                left_out: 0,
                 is_stopped: false,
                 wait: None,
                 was_silent: false,
@@ -143,6 +146,16 @@ impl Running {
         let mut state = self.state();
         state.clock_jumps += 1;
         state.clock_jumps
+    }
+
+    /// Notes that a frame was left out because it came late.
+    pub(super) fn count_left_out(&self) {
+        self.state().left_out += 1;
+    }
+
+    /// Returns the number of frames that were left out since the last call.
+    pub(super) fn take_left_out(&self) -> usize {
+        std::mem::take(&mut self.state().left_out)
     }
 
     /// Returns how often the time stamps of the source have jumped.

@@ -178,8 +178,27 @@ impl VideoFrames {
         Ok(true)
     }
 
-    /// Reads one frame; `None` at the regular end.
+    /// Reads one frame; `None` at the regular end. Those that are to be left out are counted.
     fn read_frame(&mut self) -> Result<Option<TimedBytes>> {
+        while let Some((bytes, stamp_s)) = self.read_stamped()? {
+            let time_s = match &mut self.again {
+                Some(again) => again.time_s(&self.running, stamp_s),
+                None => Some(stamp_s),
+            };
+            if let Some(time_s) = time_s {
+                return Ok(Some(TimedBytes {
+                    bytes,
+                    time_s,
+                    arrival_s: None,
+                }));
+            }
+            self.running.count_left_out();
+        }
+        Ok(None)
+    }
+
+    /// Reads the bytes of a frame and its time stamp in seconds; `None` at the regular end.
+    fn read_stamped(&mut self) -> Result<Option<(Vec<u8>, f64)>> {
         self.running.set_waiting(true);
         let next = self.decode.frames.next();
         self.running.set_waiting(false);
@@ -220,14 +239,7 @@ impl VideoFrames {
             bytes = packed(&bytes, self.size_px);
         }
         self.read += 1;
-        Ok(Some(TimedBytes {
-            bytes,
-            time_s: match &mut self.again {
-                Some(again) => again.time_s(&self.running, time_s),
-                None => time_s,
-            },
-            arrival_s: None,
-        }))
+        Ok(Some((bytes, time_s)))
     }
 
     /// Returns why a frame cannot be read.
