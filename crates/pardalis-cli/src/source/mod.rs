@@ -386,6 +386,12 @@ impl Source {
         self.overtaken.is_some()
     }
 
+    /// Reports whether it is a live source that has failed and is being opened again.
+    pub(crate) fn is_away(&self) -> bool {
+        let running = self.process.as_ref();
+        running.is_some_and(|running| running.is_away())
+    }
+
     /// Returns the number of frames that were dropped since the last call because later ones were decoded, or came with them at once.
     pub(crate) fn take_overtaken(&mut self) -> usize {
         let overtaken = self.overtaken.as_ref();

@@ -148,6 +148,11 @@ impl Running {
         state.clock_jumps
     }
 
+    /// Reports whether the source has failed and attempts are made to open it again.
+    pub(super) fn is_away(&self) -> bool {
+        self.state().is_attempt
+    }
+
     /// Notes that a frame was left out because it came late.
     pub(super) fn count_left_out(&self) {
         self.state().left_out += 1;

@@ -211,16 +211,19 @@ impl<'a> FrameSets<'a> {
                 if !keeps_up && self.merge.has_backlog(camera, now_s) {
                     continue;
                 }
+                let mut is_away = self.sources[camera].is_away();
                 for _ in 0..TAKEN_AT_ONCE[usize::from(keeps_up)] {
                     match self.sources[camera].poll_next() {
                         Poll::Ready(Some(delivery)) => arrived.extend(self.sort(camera, delivery)),
                         Poll::Ready(None) => {
                             ended += 1;
+                            is_away = true;
                             break;
                         }
                         Poll::Pending => break,
                     }
                 }
+                self.merge.set_away(camera, is_away);
             }
             arrived.sort_by(|a, b| a.2.total_cmp(&b.2));
             for (camera, frame, arrival_s) in arrived {

@@ -123,11 +123,16 @@ struct Seen {
     emitted_s: Option<f64>,
     /// The latest intervals between time stamps, in seconds.
     intervals_s: VecDeque<f64>,
+    /// Whether nothing can come from it at present.
+    is_away: bool,
 }
 
 impl Seen {
     /// Returns the time before which no further frame is expected, in seconds.
     fn next_s(&self) -> f64 {
+        if self.is_away {
+            return f64::INFINITY;
+        }
         let last_s = self.counts.last_time_s.unwrap_or(f64::NEG_INFINITY);
         if self.intervals_s.len() < INTERVALS {
             return last_s;
@@ -207,6 +212,11 @@ impl Merge {
             is_prompt: true,
             ..self
         }
+    }
+
+    /// Notes whether nothing can come from a camera at present, so that no frame waits for it.
+    pub(crate) fn set_away(&mut self, camera: usize, is_away: bool) {
+        self.cameras[camera].is_away = is_away;
     }
 
     /// Reports whether the limit has been reached, or [`Merge::end`] was called.

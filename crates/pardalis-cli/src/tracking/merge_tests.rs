@@ -168,6 +168,15 @@ fn frames_of_regular_live_cameras_wait_for_no_frame_that_is_not_due() {
     // A frame of camera 0 is late, and one of camera 1 waits for it.
     assert_eq!(emitted_at(&mut merge, 1, 1.21, 1.212), []);
     assert_eq!(emitted_at(&mut merge, 0, 1.2, 1.213), [(1.2, 1), (1.21, 1)]);
+    // Camera 0 falls silent, and camera 1 waits for it until it is known to be away.
+    assert_eq!(emitted_at(&mut merge, 1, 1.25, 1.252), []);
+    merge.set_away(0, true);
+    assert_eq!(
+        emitted_at(&mut merge, 1, 1.29, 1.292),
+        [(1.25, 1), (1.29, 1)]
+    );
+    merge.set_away(0, false);
+    assert_eq!(emitted_at(&mut merge, 1, 1.33, 1.332), []);
     // Both at once, as if triggered, one after the other.
     let mut merge = Merge::new(2, 0.1, Limit::default()).prompt();
     for number in 0..30 {
