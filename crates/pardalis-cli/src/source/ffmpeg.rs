@@ -17,6 +17,7 @@ use pardalis_scene::{Protocol, VideoFormat, VideoInput, VideoPlace, VideoSetting
 use super::nut::Nut;
 use super::probed::{ProbedStream, probed_in};
 use super::start_thread;
+use super::steps::{self, Steps};
 use crate::output::{Shown, in_line};
 use crate::user_error::user_error;
 
@@ -31,9 +32,6 @@ const COLOR_FILTER: &str = "showinfo@pardalis";
 
 /// The pixel formats that a stream keeps; ffmpeg converts others to the nearest of them.
 const KEPT_FORMATS: &str = "yuv420p|yuvj420p|nv12|yuyv422|uyvy422|yuv422p|yuvj422p|rgb24";
-
-/// A time base in seconds of which those of cameras and streams are multiples: 1/90000, 1/1000000 and 1001/30000.
-const FINE_TIME_BASE: (i64, i64) = (1, 9_000_000);
 
 /// Options that start live sources soon and deliver each frame at once. A stream is examined for half a second, and
 /// several threads decode one frame instead of one frame each.
@@ -54,17 +52,6 @@ const NUT_OFFSET_S: i64 = 1 << 20;
 
 /// Stands for missing time stamps, in seconds. It is later than any clock says, and fits into ticks of a nanosecond.
 const MISSING_S: f64 = 5e9;
-
-/// What the time stamps of live sources grow by at a frame whose own is missing or does not increase, in ticks of
-/// [`FINE_TIME_BASE`]; see [`Steps`]. `MISSING` is 0.1 ms, `SMALL` 36 hours and `LARGE` 136 years.
-mod step {
-    pub(super) const MISSING: i64 = 1 << 10;
-    pub(super) const SMALL: i64 = 131_072 * 9_000_000;
-    pub(super) const LARGE: i64 = 4_294_967_296 * 9_000_000;
-}
-
-/// Where the time stamps of live sources begin if the first is missing, in seconds: before those of all clocks.
-const LIVE_START_S: i64 = -NUT_OFFSET_S / 2;
 
 /// Size of the buffer before the pipe, in bytes.
 const PIPE_BYTES: usize = 1 << 16;
@@ -162,7 +149,7 @@ impl Programs {
         let filter = format!("{}{filter}", deinterlacing(video, stream));
         // ffmpeg invents time stamps that are missing, and changes those that do not increase, unless those of decoding do.
         let filter = format!("{filter},setpts='if(isnan(PTS),{MISSING_S}/TB,PTS)'");
-        let time_base = time_base.unwrap_or(FINE_TIME_BASE);
+        let time_base = time_base.unwrap_or(steps::TIME_BASE);
         let before_all = NUT_OFFSET_S / 2 * time_base.1 / time_base.0;
         let stamps = format!("setts=pts=PTS:dts=N-{before_all}");
         self.run(video, (&[], &["-bsf:v", &stamps]), &filter, time_base)
@@ -174,7 +161,7 @@ impl Programs {
         // Images of this format have no time stamps, for which ffmpeg substitutes 25 a second: they get the time of their
         // arrival, in seconds since 1970.
         let stamps = if video.settings.format == Some(VideoFormat::Mpjpeg) {
-            let (numerator, denominator) = FINE_TIME_BASE;
+            let (numerator, denominator) = steps::TIME_BASE;
             format!("settb={numerator}/{denominator},setpts=RTCTIME/(1000000*TB),")
         } else {
             String::new()
@@ -186,7 +173,7 @@ impl Programs {
             video,
             (&LIVE_OPTIONS, &LIVE_OUTPUT_OPTIONS),
             &filter,
-            FINE_TIME_BASE,
+            steps::TIME_BASE,
         )?;
         decode.frames.steps = Some(Steps::default());
         Ok(decode)
@@ -501,56 +488,6 @@ pub(super) struct Frames {
     nut: Nut<BufReader<ChildStdout>>,
     /// Of live sources.
     steps: Option<Steps>,
-}
-
-/// Makes the time stamps of live sources increase, and undoes it. ffmpeg would change others. Stamps of decoding that increase
-/// in their place, as files get them, need a filter that holds each frame until the next one comes.
-///
-/// A stamp that is missing becomes the last one and [`step::MISSING`]. From a stamp on that is not later than the last one by at
-/// least twice as much, all are later by [`step::SMALL`], or by [`step::LARGE`] if it is earlier than the last one by half a small
-/// step. So a stamp that is later than the last one by half a step has made one: clocks are rarely set forward by 18 hours.
-#[derive(Debug, Default)]
-struct Steps {
-    /// The last time stamp as ffmpeg writes it, in ticks.
-    last: Option<i64>,
-    /// The sum of small and large steps.
-    sum: i64,
-}
-
-impl Steps {
-    /// Returns ffmpeg's filters that make the time stamps increase. Variable 0 is the sum of steps.
-    fn filter() -> String {
-        let (numerator, denominator) = FINE_TIME_BASE;
-        let (missing, small, large) = (step::MISSING, step::SMALL, step::LARGE);
-        let start = LIVE_START_S * denominator;
-        let last = format!("if(isnan(PREV_OUTPTS),{start},PREV_OUTPTS)");
-        let back = format!("(PREV_OUTPTS+{}-PTS-ld(0))", 2 * missing);
-        let step = format!(
-            "if(gt({back},0),if(lt({back},{}),{small},{large}),0)",
-            small / 2
-        );
-        let increasing = format!("PTS+st(0,ld(0)+if(isnan(PREV_OUTPTS),0,{step}))");
-        format!(
-            "settb={numerator}/{denominator},setpts='if(isnan(PTS),{last}+{missing},{increasing})'"
-        )
-    }
-
-    /// Returns the time stamp of a frame before this filter, in ticks; `None` if it has none.
-    fn undone(&mut self, ticks: i64) -> Option<i64> {
-        let start = LIVE_START_S * FINE_TIME_BASE.1;
-        let last = self.last.replace(ticks).unwrap_or(start);
-        let later = ticks.saturating_sub(last);
-        // ffmpeg computes with floating point numbers, so that long sums are rounded.
-        if (0..step::MISSING * 3 / 2).contains(&later) {
-            return None;
-        }
-        // Otherwise all stamps before have been missing.
-        let has_last = last > start / 2;
-        let made = |step: &i64| has_last && later >= step / 2;
-        let step = [step::LARGE, step::SMALL].into_iter().find(made);
-        self.sum = self.sum.saturating_add(step.unwrap_or(0));
-        Some(ticks.saturating_sub(self.sum))
-    }
 }
 
 impl Frames {

@@ -24,7 +24,7 @@ const REFUSED: &str = "Connection refused";
 /// How long to wait for the first frame of a live source, in seconds, if the scene does not state it.
 const FIRST_FRAME_TIMEOUT_S: f64 = 20.0;
 
-/// How long to try an address where nobody listens, in seconds: senders that serve one connection after another are away for a moment after each.
+/// How long to retry an address that refuses connections, in seconds. Servers that take a single connection, such as ffmpeg, are started again after each.
 const REFUSED_S: f64 = 5.0;
 
 /// How long to wait for a live source before a message appears.
@@ -47,9 +47,11 @@ const NAMED_JUMPS: usize = 3;
 /// to the second.
 const PAUSES: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(2)];
 
-/// The first images of a stream come at once, because they have waited. They are over with the first that comes after its predecessor as slowly as
-/// they were taken, or after this share of that time; after so many seconds in any case.
+/// The first frames of a stream have waited, and arrive in a burst. A frame still belongs to the burst if it arrives sooner after the frame before it than this
+/// share of the interval between their time stamps.
 const BURST_SHARE: f64 = 0.5;
+
+/// A burst is over after this time in any case, in seconds.
 const BURST_S: f64 = 2.0;
 
 /// Time stamps continue if they advance like this computer's clock between the frames before and after a failure, up to so

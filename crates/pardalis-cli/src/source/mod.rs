@@ -11,6 +11,7 @@ mod mcap;
 mod nut;
 mod probed;
 mod running;
+mod steps;
 mod times;
 mod video;
 

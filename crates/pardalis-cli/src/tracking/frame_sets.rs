@@ -208,22 +208,26 @@ impl<'a> FrameSets<'a> {
                 let overtaken = self.sources[camera].take_overtaken();
                 self.merge.count_overtaken(camera, overtaken);
                 let keeps_up = self.sources[camera].keeps_up();
+                // Frames may wait in a source that has failed since.
+                let is_failed = self.sources[camera].is_away();
+                self.merge.set_away(camera, false);
                 if !keeps_up && self.merge.has_backlog(camera, now_s) {
                     continue;
                 }
-                let mut is_away = self.sources[camera].is_away();
                 for _ in 0..TAKEN_AT_ONCE[usize::from(keeps_up)] {
                     match self.sources[camera].poll_next() {
                         Poll::Ready(Some(delivery)) => arrived.extend(self.sort(camera, delivery)),
                         Poll::Ready(None) => {
                             ended += 1;
-                            is_away = true;
+                            self.merge.set_away(camera, true);
                             break;
                         }
-                        Poll::Pending => break,
+                        Poll::Pending => {
+                            self.merge.set_away(camera, is_failed);
+                            break;
+                        }
                     }
                 }
-                self.merge.set_away(camera, is_away);
             }
             arrived.sort_by(|a, b| a.2.total_cmp(&b.2));
             for (camera, frame, arrival_s) in arrived {

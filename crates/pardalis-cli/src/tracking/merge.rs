@@ -21,10 +21,11 @@ const MAX_BEHIND: usize = 2;
 /// would otherwise be held in memory from there to its end.
 const MAX_HELD_BYTES: usize = 1 << 30;
 
-/// The next frame of a live camera is not expected sooner after its last one than this share of the shortest of so many intervals, the latest. Hand-set: half a
-/// second at 30 frames per second, and time stamps that vary by a tenth.
+/// Number of past intervals from which the next frame of a live camera is predicted. Hand-set: half a second at 30 frames per second.
 const INTERVALS: usize = 16;
-const SHORTEST_INTERVALS: f64 = 0.9;
+
+/// The next frame is expected no sooner than after this share of the shortest of them. Hand-set: time stamps vary by a tenth.
+const EARLIEST_SHARE: f64 = 0.9;
 
 /// When a run ends although there may be further frames.
 #[derive(Debug, Clone, Copy, Default)]
@@ -142,7 +143,7 @@ impl Seen {
             .iter()
             .copied()
             .fold(f64::INFINITY, f64::min);
-        last_s + SHORTEST_INTERVALS * shortest_s
+        last_s + EARLIEST_SHARE * shortest_s
     }
 }
 

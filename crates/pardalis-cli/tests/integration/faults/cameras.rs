@@ -131,4 +131,9 @@ fn a_camera_that_stops_for_good_is_named_and_does_not_stop_the_other() {
     assert_eq!(times_s.len(), FRAMES, "{times_s:?}");
     let stopped = &cameras.summary("cam2")["stopped"];
     assert_eq!(stopped["time_s"], 0.12);
+    // All that had been delivered before is used.
+    for (camera, used) in [("cam1", FRAMES), ("cam2", 4)] {
+        let summary = cameras.summary(camera);
+        assert_eq!(summary["frames"]["used"], used, "{summary}");
+    }
 }
