@@ -74,6 +74,17 @@ pub fn to_byte(value: f32) -> u8 {
     whole as u8
 }
 
+/// Casts a number to an index from 0 to `last` as `(value as usize).min(last)` does, without the instructions that casts by the language take for large numbers.
+#[inline(always)]
+pub fn to_index(value: f32, last: u16) -> usize {
+    // Of two operands of which one is NaN, these return the other.
+    #[expect(clippy::manual_clamp, reason = "a clamped NaN is NaN")]
+    let value = value.max(0.0).min(f32::from(last));
+    // SAFETY: The value is from 0 to 65 535.
+    let whole: i32 = unsafe { value.to_int_unchecked() };
+    whole as usize
+}
+
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn with_avx2<R>(kernel: impl FnOnce() -> R) -> R {
@@ -83,6 +94,19 @@ fn with_avx2<R>(kernel: impl FnOnce() -> R) -> R {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_are_cast_to_indices_as_by_the_language() {
+        let mut values: Vec<f32> = (-40..1200).map(|i| 0.25 * i as f32).collect();
+        values.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -0.0]);
+        values.extend([65_535.0, 65_536.0, 1.0_f32.next_down(), 70e3_f32.next_up()]);
+        for last in [0, 1, 63, 255, u16::MAX] {
+            for &value in &values {
+                let expected = (value as usize).min(usize::from(last));
+                assert_eq!(to_index(value, last), expected, "{value} {last}");
+            }
+        }
+    }
 
     #[test]
     fn numbers_are_cast_to_bytes_as_by_the_language() {

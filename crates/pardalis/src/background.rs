@@ -24,9 +24,9 @@ pub(crate) struct Background {
     block_px: usize,
     /// Columns and rows of blocks.
     size: (usize, usize),
-    /// The mean raw bytes of each block in the latest image, and in those before it. Blocks with masked pixels are NaN.
-    latest: Vec<[f32; 3]>,
-    before: Vec<[f32; 3]>,
+    /// The mean raw bytes of each block in the latest image, and in those before it: the first, second and third apart. Blocks with masked pixels are NaN.
+    latest: [Vec<f32>; 3],
+    before: [Vec<f32>; 3],
     /// The kind of the raw bytes, and how Y, U and V change with each of them.
     kind: Option<PixelKind>,
     yuv_per_byte: [[f32; 3]; 3],
@@ -80,7 +80,7 @@ impl Background {
 
     /// Whether no pixel of a block is masked.
     pub(crate) fn is_open(&self, block: usize) -> bool {
-        !self.latest[block][0].is_nan()
+        !self.latest[0][block].is_nan()
     }
 
     /// Compares an image with those before it.
@@ -105,11 +105,22 @@ impl Background {
     /// Makes the latest image one of those before the next.
     fn remember(&mut self) {
         let rate = self.tuning.rate.max(1.0 / self.count.max(1) as f32);
-        for (before, latest) in self.before.iter_mut().zip(&self.latest) {
-            for (before, latest) in before.iter_mut().zip(latest) {
-                *before += rate * (latest - *before);
-            }
-        }
+        let Self {
+            before,
+            latest,
+            level,
+            ..
+        } = self;
+        level.run(
+            #[inline(always)]
+            || {
+                for (before, latest) in before.iter_mut().zip(latest) {
+                    for (before, latest) in before.iter_mut().zip(latest) {
+                        *before += rate * (*latest - *before);
+                    }
+                }
+            },
+        );
     }
 
     /// Averages the pixels of each block.
@@ -118,29 +129,38 @@ impl Background {
         let (side, (columns, rows)) = (self.block_px, self.size);
         let open = prepared.view().mask().map(Mask::open);
         let width = frame.width();
-        let scale = 1.0 / (side * side) as f32;
-        self.latest.clear();
-        self.latest.reserve(columns * rows);
+        let blocks = columns * rows;
+        self.latest
+            .iter_mut()
+            .for_each(|of_component| of_component.resize(blocks, 0.0));
         for row in 0..rows {
             let ys = row * side..(row + 1) * side;
             self.add_rows(frame, ys.clone());
-            let first = self.latest.len();
-            self.latest.resize(first + columns, [0.0; 3]);
-            let means = &mut self.latest[first..];
-            for (channel, sums) in self.columns.iter().enumerate() {
-                for (mean, sums) in means.iter_mut().zip(sums.chunks_exact(side)) {
-                    let sum = sums.iter().fold(0_u32, |sum, more| sum + u32::from(*more));
-                    mean[channel] = scale * sum as f32;
-                }
+            let blocks = row * columns..(row + 1) * columns;
+            for (latest, sums) in self.latest.iter_mut().zip(&self.columns) {
+                let means = &mut latest[blocks.clone()];
+                self.level.run(
+                    #[inline(always)]
+                    || match side {
+                        1 => average::<1>(means, sums),
+                        2 => average::<2>(means, sums),
+                        3 => average::<3>(means, sums),
+                        4 => average::<4>(means, sums),
+                        6 => average::<6>(means, sums),
+                        _ => average_by(side, means, sums),
+                    },
+                );
             }
             let Some(open) = open else {
                 continue;
             };
-            for (column, mean) in means.iter_mut().enumerate() {
+            for (column, block) in blocks.enumerate() {
                 let xs = column * side..(column + 1) * side;
                 let mut pixels = ys.clone().flat_map(|y| &open[y * width..][xs.clone()]);
                 if !pixels.all(|is_open| *is_open) {
-                    *mean = [f32::NAN; 3];
+                    self.latest
+                        .iter_mut()
+                        .for_each(|latest| latest[block] = f32::NAN);
                 }
             }
         }
@@ -176,7 +196,7 @@ impl Background {
 
     /// By how much a block differs from the images before, in grey levels; NaN if it is masked.
     fn difference(&self, block: usize) -> f32 {
-        let [a, b, c] = [0, 1, 2].map(|i| self.latest[block][i] - self.before[block][i]);
+        let [a, b, c] = [0, 1, 2].map(|i| self.latest[i][block] - self.before[i][block]);
         let squared = |i: usize| {
             let slopes = self.yuv_per_byte[i];
             let difference = slopes[0] * a + slopes[1] * b + slopes[2] * c;
@@ -188,7 +208,7 @@ impl Background {
     /// Finds from which difference on a block has changed.
     fn find_threshold(&mut self) {
         let mut samples = std::mem::take(&mut self.samples);
-        let blocks = (0..self.latest.len()).step_by(SAMPLING_STEP);
+        let blocks = (0..self.latest[0].len()).step_by(SAMPLING_STEP);
         let differences = blocks.map(|block| self.difference(block));
         samples.clear();
         samples.extend(differences.filter(|difference| !difference.is_nan()));
@@ -215,12 +235,27 @@ impl Background {
     /// The change of each block; `None` for those that have not changed.
     pub(crate) fn changes(&self) -> impl Iterator<Item = Option<Change>> {
         let threshold = self.threshold.unwrap_or(f32::INFINITY);
-        (0..self.latest.len()).map(move |block| {
+        (0..self.latest[0].len()).map(move |block| {
             (self.difference(block) > threshold).then(|| Change {
-                now: self.latest[block],
-                before: self.before[block],
+                now: self.latest.each_ref().map(|latest| latest[block]),
+                before: self.before.each_ref().map(|before| before[block]),
             })
         })
+    }
+}
+
+/// Averages each `SIDE` sums of columns of as many pixels.
+#[inline(always)]
+fn average<const SIDE: usize>(means: &mut [f32], sums: &[u16]) {
+    average_by(SIDE, means, sums);
+}
+
+/// The same for any length of the sides: for those known in advance, the loop is vectorised.
+#[inline(always)]
+fn average_by(side: usize, means: &mut [f32], sums: &[u16]) {
+    let scale = 1.0 / (side * side) as f32;
+    for (mean, sums) in means.iter_mut().zip(sums.chunks_exact(side)) {
+        *mean = scale * sums.iter().map(|sum| u32::from(*sum)).sum::<u32>() as f32;
     }
 }
 

@@ -3,7 +3,7 @@
 mod inscribed;
 
 use crate::Frame;
-use crate::background::{Background, Change};
+use crate::background::Background;
 use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette, PixelKind};
 use crate::frame::{Row, with_pixels};
 use crate::tuning::BlobTuning;
@@ -16,8 +16,11 @@ use pardalis_core::simd::Level;
 const LEAST_SAMPLING_STEP_PX: usize = 4;
 /// About the greatest number of samples. Hand-set: more say little else of an image, and take time.
 const MAX_SAMPLES: usize = 40_000;
-/// The number of pixels that are compared with the target's colours at once.
-const CHUNK: usize = 16;
+/// The length of the sides of the cells of an image, pixels. Hand-set: short, and a few times as long as the smallest blobs.
+const CELL: usize = 16;
+/// The distance between the rows and columns whose pixels are looked at first: cells are searched if one of these pixels in or beside them has the target's colours. Derivation:
+/// wherever it is, a disc with a radius of 1.5 pixels covers one of them.
+const FIRST_STEP_PX: usize = 2;
 /// The number of pixels out of 3 x 3 that the majority filter asks for. Derivation: a majority.
 const MAJORITY: u8 = 5;
 
@@ -69,6 +72,8 @@ impl Blob {
 pub(crate) struct BinCounts {
     counts: Vec<u64>,
     total: u64,
+    /// Pixels of a row of the image.
+    row: Row,
 }
 
 impl BinCounts {
@@ -80,7 +85,7 @@ impl BinCounts {
         prepared: &PreparedFrame,
         palette: Palette,
         correction: &IlluminationCorrection,
-        step_px: usize,
+        (step_px, level): (usize, Level),
     ) {
         let frame = prepared.frame();
         let table = prepared.table(palette);
@@ -89,28 +94,29 @@ impl BinCounts {
         self.counts.clear();
         self.counts.resize(palette.bin_count(), 0);
         self.total = 0;
-        let Self { counts, total } = self;
-        let is_open = |x: usize, y: usize| open.is_none_or(|open| open[y * width + x]);
-        with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
-            for first in (0..width).step_by(CHUNK * step_px) {
-                let columns = (first..width).step_by(step_px).take(CHUNK);
-                let mut bytes = [[0_u8; CHUNK]; 3];
-                for (i, x) in columns.clone().enumerate() {
-                    let pixel = components(x, y);
-                    for (of_channel, value) in bytes.iter_mut().zip(pixel) {
-                        of_channel[i] = value;
+        let Self { counts, total, row } = self;
+        level.run(
+            #[inline(always)]
+            || {
+                for y in (0..height).step_by(step_px) {
+                    row.sample(frame, y, step_px);
+                    correction.row(row);
+                    let [first, second, third] = row.components();
+                    let pixels = first.iter().zip(second).zip(third);
+                    let bins = pixels.map(|((a, b), c)| usize::from(table.bin([*a, *b, *c])));
+                    if let Some(open) = open {
+                        let open = open[y * width..][..width].iter().step_by(step_px);
+                        for (bin, _) in bins.zip(open).filter(|(_, is_open)| **is_open) {
+                            counts[bin] += 1;
+                            *total += 1;
+                        }
+                    } else {
+                        *total += first.len() as u64;
+                        bins.for_each(|bin| counts[bin] += 1);
                     }
                 }
-                let bytes = correction.block(bytes);
-                for (i, x) in columns.enumerate() {
-                    if is_open(x, y) {
-                        let bin = table.bin([bytes[0][i], bytes[1][i], bytes[2][i]]);
-                        counts[usize::from(bin)] += 1;
-                        *total += 1;
-                    }
-                }
-            }
-        });
+            },
+        );
     }
 
     /// Writes the colour posterior of each bin: t / (t + f), with the shares t of the target's pixels and f of the image's pixels in the bin.
@@ -168,7 +174,7 @@ pub fn blobs(prepared: &PreparedFrame, colors: &ColorModel) -> Vec<Blob> {
 fn search_image(prepared: &PreparedFrame, colors: &ColorModel) -> BlobSearch {
     let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
     let correction = IlluminationCorrection::NONE;
-    counts.count(prepared, colors.palette(), &correction, 1);
+    counts.count(prepared, colors.palette(), &correction, (1, Level::best()));
     counts.color_posterior(colors, &mut posterior);
     let mut search = BlobSearch::default();
     let colors = (colors.palette(), None);
@@ -181,6 +187,10 @@ fn search_image(prepared: &PreparedFrame, colors: &ColorModel) -> BlobSearch {
 pub(crate) struct BlobSearch {
     tuning: BlobTuning,
     level: Level,
+    /// Whether each cell, row by row, has one of the target's colours on the grid of pixels that are looked at first.
+    cells: Vec<bool>,
+    /// Whether each row of pixels is searched. In the others, nothing is set in the following two.
+    rows: Vec<bool>,
     /// Whether each pixel has the target's colours.
     matching: Vec<bool>,
     /// What became of each pixel after the majority filter.
@@ -240,37 +250,44 @@ impl BlobSearch {
         let is_open = |i: usize| open.is_none_or(|open| open[i]);
         let min_posterior = self.tuning.min_posterior;
         let posterior_of = |bytes: [u8; 3]| posterior[usize::from(table.bin(bytes))];
-        self.matching.clear();
-        self.matching.resize(width * height, false);
-        let Self { matching, row, .. } = self;
-        let rows = matching.chunks_exact_mut(width).enumerate();
+        let matches = |bytes: [u8; 3]| {
+            // The small table rules out most pixels.
+            in_ranges.is_none_or(|table| table.matches(bytes) == 1)
+                && posterior_of(bytes) >= min_posterior
+        };
+        self.begin((width, height));
+        self.find_cells(frame, correction, matches);
+        let columns = width.div_ceil(CELL);
+        let Self {
+            cells,
+            rows,
+            matching,
+            row,
+            ..
+        } = self;
         self.level.run(
             #[inline(always)]
             || {
-                for (y, matching) in rows {
+                for (y, is_searched) in rows.iter_mut().enumerate() {
+                    let around =
+                        (y / CELL).saturating_sub(1)..(y / CELL + 2).min(cells.len() / columns);
+                    let cells = &cells[around.start * columns..around.end * columns];
+                    let is_near = |cell: usize| {
+                        let beside = cell.saturating_sub(1)..(cell + 2).min(columns);
+                        let mut cells = cells.chunks_exact(columns);
+                        cells.any(|cells| cells[beside.clone()].contains(&true))
+                    };
+                    *is_searched = cells.contains(&true);
+                    if !*is_searched {
+                        continue;
+                    }
                     row.read(frame, y);
                     correction.row(row);
-                    let pixels = row
-                        .components()
-                        .map(|of_component| of_component.chunks(CHUNK));
-                    let [first, second, third] = pixels;
-                    let chunks = matching.chunks_mut(CHUNK).zip(first).zip(second).zip(third);
-                    for (number, (((matching, first), second), third)) in chunks.enumerate() {
-                        let pixels = first.iter().zip(second).zip(third);
-                        let pixels = pixels.map(|((a, b), c)| [*a, *b, *c]);
-                        // The small table rules out most pixels.
-                        if let Some(table) = in_ranges
-                            && pixels
-                                .clone()
-                                .fold(0, |any, bytes| any | table.matches(bytes))
-                                == 0
-                        {
-                            continue;
-                        }
-                        for (i, (matching, bytes)) in matching.iter_mut().zip(pixels).enumerate() {
-                            let x = CHUNK * number + i;
-                            *matching = in_ranges.is_none_or(|table| table.matches(bytes) == 1)
-                                && posterior_of(bytes) >= min_posterior
+                    let [first, second, third] = row.components();
+                    let matching = &mut matching[y * width..][..width];
+                    for cell in (0..columns).filter(|&cell| is_near(cell)) {
+                        for x in CELL * cell..width.min(CELL * (cell + 1)) {
+                            matching[x] = matches([first[x], second[x], third[x]])
                                 && is_open(y * width + x)
                                 && !is_taken([x as f32, y as f32]);
                         }
@@ -284,16 +301,74 @@ impl BlobSearch {
         &self.blobs
     }
 
+    /// Begins a search in an image of this size: no row is searched so far, and nothing is set.
+    fn begin(&mut self, (width, height): (usize, usize)) {
+        let Self {
+            rows,
+            matching,
+            filtered,
+            ..
+        } = self;
+        if (self.image_width, rows.len()) != (width, height) {
+            self.image_width = width;
+            rows.clear();
+            rows.resize(height, true);
+            matching.resize(width * height, false);
+            filtered.resize(width * height, PIXEL_UNSET);
+        }
+        for (y, is_searched) in rows.iter_mut().enumerate() {
+            if std::mem::take(is_searched) {
+                matching[y * width..][..width].fill(false);
+                filtered[y * width..][..width].fill(PIXEL_UNSET);
+            }
+        }
+    }
+
+    /// Finds the cells with a pixel that matches, among those looked at first.
+    fn find_cells(
+        &mut self,
+        frame: &Frame,
+        correction: &IlluminationCorrection,
+        matches: impl Fn([u8; 3]) -> bool,
+    ) {
+        let Self {
+            level, cells, row, ..
+        } = self;
+        let [columns, lines] = [frame.width(), frame.height()].map(|side| side.div_ceil(CELL));
+        cells.clear();
+        cells.resize(columns * lines, false);
+        level.run(
+            #[inline(always)]
+            || {
+                for y in (0..frame.height()).step_by(FIRST_STEP_PX) {
+                    row.sample(frame, y, FIRST_STEP_PX);
+                    correction.row(row);
+                    let pixels = row
+                        .components()
+                        .map(|of_component| of_component.chunks(CELL / FIRST_STEP_PX));
+                    let [first, second, third] = pixels;
+                    let cells = cells[y / CELL * columns..][..columns].iter_mut();
+                    for (((cell, first), second), third) in cells.zip(first).zip(second).zip(third)
+                    {
+                        let mut pixels = first.iter().zip(second).zip(third);
+                        *cell = *cell || pixels.any(|((a, b), c)| matches([*a, *b, *c]));
+                    }
+                }
+            },
+        );
+    }
+
     /// Finds what moves in front of a camera at rest and is a mixture of what is there without it and the target's colours: the streaks of fast targets.
     pub(crate) fn find_moving(
         &mut self,
         background: &Background,
         is_target: impl Fn([u8; 3]) -> bool,
     ) {
-        self.matching.clear();
-        let is_mixture =
-            |change: Option<Change>| change.is_some_and(|change| change.is_mixture(&is_target));
-        self.matching.extend(background.changes().map(is_mixture));
+        self.begin(background.size());
+        self.rows.fill(true);
+        for (matching, change) in self.matching.iter_mut().zip(background.changes()) {
+            *matching = change.is_some_and(|change| change.is_mixture(&is_target));
+        }
         self.connect(background.size(), |i| background.is_open(i), |_| 1.0);
         for blob in &mut self.blobs {
             blob.enlarge(background.block_px() as f64);
@@ -314,23 +389,24 @@ impl BlobSearch {
     ) {
         let Self {
             tuning,
+            rows,
             matching,
             filtered,
             columns,
             stack,
             blobs,
             seeds,
-            image_width,
             left_out,
             ..
         } = self;
         let (min_area_px, max_blobs) = (tuning.min_area_px, tuning.max_blobs);
         *left_out = None;
-        *image_width = width;
-        majority(matching, width, columns, filtered);
-        for (i, pixel) in filtered.iter_mut().enumerate() {
-            if *pixel == PIXEL_SET && !is_open(i) {
-                *pixel = PIXEL_UNSET;
+        majority(matching, (width, rows), columns, filtered);
+        for (y, row) in filtered.chunks_exact_mut(width).enumerate() {
+            for (x, pixel) in row.iter_mut().enumerate().filter(|_| rows[y]) {
+                if *pixel == PIXEL_SET && !is_open(y * width + x) {
+                    *pixel = PIXEL_UNSET;
+                }
             }
         }
         blobs.clear();
@@ -341,7 +417,7 @@ impl BlobSearch {
         // Each pixel is pushed once at most.
         stack.reserve(filtered.len());
         let mut next = 0;
-        while let Some(seed) = next_set(filtered, width, next) {
+        while let Some(seed) = next_set(filtered, (width, rows), next) {
             next = seed + 1;
             take(&mut filtered[seed]);
             stack.push(seed);
@@ -385,13 +461,13 @@ impl BlobSearch {
     }
 }
 
-/// Returns the first pixel from `next` on that is set and not yet part of anything.
-fn next_set(filtered: &[u8], width: usize, next: usize) -> Option<usize> {
+/// Returns the first pixel from `next` on that is set and not yet part of anything, in the rows that are searched.
+fn next_set(filtered: &[u8], (width, rows): (usize, &[bool]), next: usize) -> Option<usize> {
     let mut from = next;
     while from < filtered.len() {
-        // Most rows hold none, which is found out many pixels at a time.
         let row = &filtered[from..filtered.len().min((from / width + 1) * width)];
-        if row.contains(&PIXEL_SET) {
+        // Most rows hold none, which is found out many pixels at a time.
+        if rows[from / width] && row.contains(&PIXEL_SET) {
             let ahead = row.iter().position(|&pixel| pixel == PIXEL_SET);
             return ahead.map(|ahead| from + ahead);
         }
@@ -409,15 +485,22 @@ fn take(pixel: &mut u8) -> bool {
     is_set
 }
 
-/// Sets the pixels of which most of the 3 x 3 neighbours, themselves included, are set: lines one pixel wide would join blobs.
-fn majority(set: &[bool], width: usize, columns: &mut Vec<u8>, filtered: &mut Vec<u8>) {
+/// Sets the pixels of which most of the 3 x 3 neighbours, themselves included, are set, in the rows that are searched: lines one pixel wide would join blobs.
+fn majority(
+    set: &[bool],
+    (width, searched): (usize, &[bool]),
+    columns: &mut Vec<u8>,
+    filtered: &mut [u8],
+) {
     let rows = set.chunks_exact(width);
-    filtered.clear();
-    filtered.resize(set.len(), PIXEL_UNSET);
     // With a column of none on either side.
     columns.clear();
     columns.resize(width + 2, 0);
-    for (y, filtered) in filtered.chunks_exact_mut(width).enumerate() {
+    let searched = filtered
+        .chunks_exact_mut(width)
+        .enumerate()
+        .filter(|(y, _)| searched[*y]);
+    for (y, filtered) in searched {
         columns[1..=width].fill(0);
         for row in rows
             .clone()

@@ -106,6 +106,26 @@ impl Row {
         self.0.each_mut().map(Vec::as_mut_slice)
     }
 
+    /// Reads every `step_px`th pixel of row `y` of a frame.
+    #[inline(always)]
+    pub(crate) fn sample(&mut self, frame: &Frame, y: usize, step_px: usize) {
+        if step_px == 1 {
+            self.read(frame, y);
+            return;
+        }
+        let count = frame.width.div_ceil(step_px);
+        self.0
+            .iter_mut()
+            .for_each(|of_component| of_component.resize(count, 0));
+        let [first, second, third] = self.components_mut();
+        with_pixels!(frame, components => {
+            let pixels = first.iter_mut().zip(second).zip(third).enumerate();
+            for (i, ((first, second), third)) in pixels {
+                [*first, *second, *third] = components(i * step_px, y);
+            }
+        });
+    }
+
     /// Reads row `y` of a frame.
     #[inline(always)]
     pub(crate) fn read(&mut self, frame: &Frame, y: usize) {

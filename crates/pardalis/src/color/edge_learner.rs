@@ -165,7 +165,7 @@ impl EdgeLearner {
             self.counts.push([none.clone(), none]);
         }
         for pixel in &self.pixels {
-            let membership = surroundings.at(pixel).membership(pixel.yuv);
+            let membership = surroundings.at(pixel).membership(&pixel.yuv);
             let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
             if membership.is_nan() || row > (EdgeProfile::DISTANCES + 1) as f32 {
                 continue;

@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 
 use super::membership::Side;
+use pardalis_core::simd::to_index;
 
 /// Standard deviation of the kernel that smooths over distance, pixels. Hand-set.
 const SMOOTHING_PX: f64 = 0.35;
@@ -52,8 +53,7 @@ impl EdgeProfile {
     /// Returns the bin of a membership, clamped to the first and last bins.
     #[inline(always)]
     pub fn bin_of(membership: f32) -> usize {
-        // Casts of floats saturate.
-        (((membership + 0.5) * 16.0) as usize).min(Self::MEMBERSHIPS - 1)
+        to_index((membership + 0.5) * 16.0, Self::MEMBERSHIPS as u16 - 1)
     }
 
     /// Computes the smoothed tables of log ratios on either side, in the order of [`Side::ALL`]. All entries

@@ -4,6 +4,8 @@
 
 use std::sync::LazyLock;
 
+use pardalis_core::simd::to_index;
+
 /// A pixel near an outline.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgePixel {
@@ -133,7 +135,7 @@ impl Surroundings {
     }
 
     /// Returns the colours next to a pixel.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, pixel: &EdgePixel) -> &LocalColors {
         &self.sectors[sector_of(pixel.turn)]
     }
@@ -141,6 +143,7 @@ impl Surroundings {
 
 impl LocalColors {
     /// Returns the side of the body.
+    #[inline(always)]
     pub fn side(&self) -> Side {
         self.side
     }
@@ -152,8 +155,8 @@ impl LocalColors {
 
     /// Returns the membership of a colour (Y, U and V): 0 for that which surrounds the body, 1 for the body's
     /// own, in between for mixtures; below 0 and above 1 for colours beyond these. NaN if the two are too similar.
-    #[inline]
-    pub fn membership(&self, yuv: [f32; 3]) -> f32 {
+    #[inline(always)]
+    pub fn membership(&self, yuv: &[f32; 3]) -> f32 {
         let of_channel = |i: usize| (yuv[i] - self.outside[i]) * self.slopes[i];
         of_channel(0) + of_channel(1) + of_channel(2)
     }
@@ -255,7 +258,7 @@ fn deepest(pixels: &[EdgePixel]) -> Option<[f32; MIN_BODY_PIXELS]> {
 
 #[inline(always)]
 fn sector_of(turn: f32) -> usize {
-    ((turn * SECTORS as f32 + 0.5) as usize) % SECTORS
+    to_index(turn * SECTORS as f32 + 0.5, SECTORS as u16) % SECTORS
 }
 
 #[cfg(test)]
@@ -309,7 +312,7 @@ mod tests {
         let surroundings = Surroundings::of(&pixels).unwrap();
         for pixel in &pixels {
             let expected = (0.5 - 0.25 * pixel.distance_px).clamp(0.0, 1.0);
-            assert!((surroundings.at(pixel).membership(pixel.yuv) - expected).abs() < 1e-5);
+            assert!((surroundings.at(pixel).membership(&pixel.yuv) - expected).abs() < 1e-5);
         }
     }
 
@@ -326,7 +329,7 @@ mod tests {
         let [plain, lit_too] = [&pixels, &lit].map(|pixels| Surroundings::of(pixels).unwrap());
         for (pixel, lit) in pixels.iter().zip(&lit) {
             let [plain, lit] = [(&plain, pixel), (&lit_too, lit)]
-                .map(|(surroundings, pixel)| surroundings.at(pixel).membership(pixel.yuv));
+                .map(|(surroundings, pixel)| surroundings.at(pixel).membership(&pixel.yuv));
             assert!((plain - lit).abs() < 1e-4);
         }
     }
@@ -341,7 +344,7 @@ mod tests {
         assert!(
             surroundings
                 .at(&pixels[0])
-                .membership(pixels[0].yuv)
+                .membership(&pixels[0].yuv)
                 .is_nan()
         );
         assert_eq!(Surroundings::of(&[]), None);

@@ -153,7 +153,7 @@ impl Tracker {
             .map(&mut target)
             .collect::<Result<_, Error>>()?;
         Ok(Self {
-            statistics: views.iter().map(|_| ImageStatistics::default()).collect(),
+            statistics: views.iter().map(|_| ImageStatistics::new(level)).collect(),
             views,
             carriers: Carriers::default(),
             groups: groups(&bodies),

@@ -3,6 +3,7 @@
 use crate::color::{IlluminationCorrection, Palette};
 use crate::detect::{BinCounts, mean_color, sampling_step_px};
 use crate::view::PreparedFrame;
+use pardalis_core::simd::Level;
 
 /// Statistics of one camera's latest image. Owns its buffers.
 #[derive(Debug, Default)]
@@ -11,9 +12,17 @@ pub(super) struct ImageStatistics {
     bins: Vec<(Palette, IlluminationCorrection, BinCounts)>,
     count: usize,
     mean_color: Option<[f32; 3]>,
+    level: Level,
 }
 
 impl ImageStatistics {
+    pub(super) fn new(level: Level) -> Self {
+        Self {
+            level,
+            ..Self::default()
+        }
+    }
+
     /// Discards the statistics of the previous image.
     pub(super) fn clear(&mut self) {
         self.count = 0;
@@ -50,7 +59,7 @@ impl ImageStatistics {
         let (of, by, counts) = &mut self.bins[self.count];
         (*of, *by) = (palette, *correction);
         let step_px = sampling_step_px(prepared.frame());
-        counts.count(prepared, palette, correction, step_px);
+        counts.count(prepared, palette, correction, (step_px, self.level));
         self.count += 1;
         self.count - 1
     }

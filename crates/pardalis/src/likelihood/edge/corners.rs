@@ -116,9 +116,15 @@ pub(super) fn bend(corners: &mut [Corner]) {
 pub(super) fn nearest(corners: &[Corner], pixel: [f32; 2], near: Option<usize>) -> (usize, f32) {
     let squared = |k: usize| corners[k].squared_px(pixel);
     let Some(near) = near else {
-        let all = (0..corners.len()).map(|k| (k, squared(k)));
-        let nearest = all.min_by(|(_, a), (_, b)| a.total_cmp(b));
-        return nearest.unwrap_or((0, f32::NAN));
+        let mut nearest = (0, f32::NAN);
+        for k in 0..corners.len() {
+            let there = squared(k);
+            // Corners without a pixel are never nearer.
+            if there < nearest.1 || nearest.1.is_nan() {
+                nearest = (k, there);
+            }
+        }
+        return nearest;
     };
     let last = corners.len() - 1;
     let after = |k: usize| if k < last { k + 1 } else { 0 };

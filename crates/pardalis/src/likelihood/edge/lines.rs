@@ -113,7 +113,8 @@ struct SectorColors {
 
 impl SectorColors {
     /// Adds a pixel of the body, with its colour if that is one of the target's.
-    fn add_body(&mut self, sector: usize, weight: f32, color: Option<[f32; 3]>) {
+    #[inline(always)]
+    fn add_body(&mut self, sector: usize, weight: f32, color: Option<&[f32; 3]>) {
         self.bodies[sector] += weight;
         if let Some(color) = color {
             self.matching[sector] += weight;
@@ -123,7 +124,8 @@ impl SectorColors {
 }
 
 /// Adds a colour to a count and a sum of colours.
-fn add([count, sums @ ..]: &mut [f32; 4], yuv: [f32; 3]) {
+#[inline(always)]
+fn add([count, sums @ ..]: &mut [f32; 4], yuv: &[f32; 3]) {
     *count += 1.0;
     for (sum, value) in sums.iter_mut().zip(yuv) {
         *sum += value;
@@ -252,44 +254,53 @@ impl CorrespondenceLines {
         buffers: &mut LineBuffers,
         (weight, tuning): (f32, &EdgeTuning),
     ) -> SectorColors {
-        let sectors = &mut buffers.sectors;
-        sectors.clear();
-        sectors.extend((0..self.line_count()).map(|line| self.sector(line)));
+        buffers.sectors.clear();
+        let sectors = (0..self.line_count()).map(|line| self.sector(line));
+        buffers.sectors.extend(sectors);
         let mut colors = SectorColors::default();
-        let pixels = buffers.pixels.iter().zip(&buffers.places);
-        for (i, (pixel, &(line, matches))) in pixels.enumerate() {
-            let sector = sectors[line];
-            let local = surroundings.at(pixel);
-            let (membership, side) = (local.membership(pixel.yuv), local.side());
-            if SURROUNDING_PX.contains(&pixel.distance_px) {
-                add(&mut colors.around[sector], pixel.yuv);
-                colors.matching_around += f32::from(u8::from(matches));
-            }
-            let log_ratios = &mut self.log_ratios[line];
-            if let Some(mixture) = buffers.mixtures.get(i) {
-                let around = local.around();
-                let own = mixture.own_color(pixel.yuv, around, tuning.min_mixture, |color| {
-                    frame.is_target_color(color)
-                });
-                if let Some((color, matches)) = own {
-                    colors.add_body(sector, weight, matches.then_some(color));
+        let log_ratios = &mut self.log_ratios;
+        table.level().run(
+            #[inline(always)]
+            || {
+                let pixels = buffers.pixels.iter().zip(&buffers.places);
+                for (i, (pixel, &(line, matches))) in pixels.enumerate() {
+                    let sector = buffers.sectors[line];
+                    let local = surroundings.at(pixel);
+                    let seen = (matches, local.side(), local.membership(&pixel.yuv));
+                    if SURROUNDING_PX.contains(&pixel.distance_px) {
+                        add(&mut colors.around[sector], &pixel.yuv);
+                        colors.matching_around += f32::from(u8::from(matches));
+                    }
+                    if let Some(mixture) = buffers.mixtures.get(i) {
+                        let around = local.around();
+                        let own =
+                            mixture.own_color(pixel.yuv, around, tuning.min_mixture, |color| {
+                                frame.is_target_color(color)
+                            });
+                        if let Some((color, matches)) = own {
+                            colors.add_body(sector, weight, matches.then_some(&color));
+                        }
+                        // A pale mixture says nothing by its colours alone.
+                        let matches = own.map_or(pixel.distance_px < 0.0, |(_, matches)| matches);
+                        let [nu, nv] = buffers.corners[line].crossing.normal;
+                        let at_rest_px = |shift_px: f32| {
+                            let shift = [nu * shift_px, nv * shift_px];
+                            buffers.streak.shifted_px(mixture.pixel, shift)
+                        };
+                        table.add_streak(
+                            (matches, seen.1, seen.2),
+                            at_rest_px,
+                            &mut log_ratios[line],
+                        );
+                    } else {
+                        if BodyColors::DEPTH_PX.contains(&pixel.distance_px) {
+                            colors.add_body(sector, weight, matches.then_some(&pixel.yuv));
+                        }
+                        table.add(seen, pixel.distance_px, &mut log_ratios[line]);
+                    }
                 }
-                // A pale mixture says nothing by its colours alone.
-                let matches = own.map_or(pixel.distance_px < 0.0, |(_, matches)| matches);
-                let [nu, nv] = buffers.corners[line].crossing.normal;
-                let at_rest_px = |shift_px: f32| {
-                    let shift = [nu * shift_px, nv * shift_px];
-                    buffers.streak.shifted_px(mixture.pixel, shift)
-                };
-                table.add_streak((matches, side, membership), at_rest_px, log_ratios);
-            } else {
-                if BodyColors::DEPTH_PX.contains(&pixel.distance_px) {
-                    colors.add_body(sector, weight, matches.then_some(pixel.yuv));
-                }
-                let distance_px = pixel.distance_px;
-                table.add((matches, side, membership), distance_px, log_ratios);
-            }
-        }
+            },
+        );
         if weight != 1.0 {
             let log_ratios = self.log_ratios.iter_mut().flatten();
             log_ratios.for_each(|log_ratio| *log_ratio *= weight);
@@ -449,18 +460,21 @@ impl CorrespondenceLines {
                 near[i] = of_shifts[nearest - 1 + j];
             }
         }
-        let mut log_ratios = [0_f32; N];
+        let (mut inside, mut beyond) = ([0_f32; N], [0_f32; N]);
         for i in 0..N {
             let [before, at, after] = [near[0][i], near[1][i], near[2][i]];
             let (less, more) = (0.5 - offs[i], 0.5 + offs[i]);
             let middle = 0.75 - offs[i] * offs[i];
-            let inside = self.likelihood_exponent
+            inside[i] = self.likelihood_exponent
                 * (0.5 * less * less * before + middle * at + 0.5 * more * more * after);
-            let beyond = inside.min(0.0) - self.beyond_reach_nats;
+            beyond[i] = inside[i].min(0.0) - self.beyond_reach_nats;
+        }
+        let mut log_ratios = [0_f32; N];
+        for i in 0..N {
             let log_ratio = if shifts_px[i].abs() < REACH_PX {
-                inside
+                inside[i]
             } else {
-                beyond
+                beyond[i]
             };
             log_ratios[i] = if shifts_px[i].is_nan() {
                 0.0

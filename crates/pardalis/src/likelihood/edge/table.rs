@@ -3,7 +3,7 @@
 use super::EdgeTuning;
 use super::frame::Octave;
 use crate::color::{EdgeLogRatios, EdgeProfile, Side};
-use pardalis_core::simd::Level;
+use pardalis_core::simd::{Level, to_index};
 
 /// The reach of lines either way, in pixels. Hand-set: positions off by more are found by the next round of the fit.
 pub(super) const REACH_PX: f32 = 5.0;
@@ -87,17 +87,12 @@ impl Table {
     ) {
         let row = self.row(pixel);
         let steps = SHIFTS_A_PX as f32 * (distance_px - BAND_PX.start());
-        let first = (steps as usize).min(BAND_STEPS);
+        let first = to_index(steps, BAND_STEPS as u16);
         let part = steps - first as f32;
         let row = &row[place(first + 1)..][..=SHIFTS];
-        self.level.run(
-            #[inline(always)]
-            || {
-                for (i, log_ratio) in log_ratios.iter_mut().enumerate() {
-                    *log_ratio += row[i + 1] + part * (row[i] - row[i + 1]);
-                }
-            },
-        );
+        for (i, log_ratio) in log_ratios.iter_mut().enumerate() {
+            *log_ratio += row[i + 1] + part * (row[i] - row[i + 1]);
+        }
     }
 
     /// Adds the log-ratios of a pixel of a streak for all shifts of the outline. `at_rest_px` returns, for a shift in pixels, the distance from a body at rest that has the
@@ -128,7 +123,7 @@ impl Table {
                     *step = (SHIFTS_A_PX as f32 * profile_px).clamp(0.0, last);
                 }
                 for (log_ratio, step) in log_ratios.iter_mut().zip(steps) {
-                    let first = (step as usize).min(EdgeProfile::DISTANCES - 1);
+                    let first = to_index(step, EdgeProfile::DISTANCES as u16 - 1);
                     let [here, next] = [first, first + 1].map(|step| row[place(step)]);
                     *log_ratio += here + (step - first as f32) * (next - here);
                 }
