@@ -77,8 +77,7 @@ pub fn to_byte(value: f32) -> u8 {
 /// Casts a number to an index from 0 to `last` as `(value as usize).min(last)` does, without the instructions that casts by the language take for large numbers.
 #[inline(always)]
 pub fn to_index(value: f32, last: u16) -> usize {
-    // Of two operands of which one is NaN, these return the other.
-    #[expect(clippy::manual_clamp, reason = "a clamped NaN is NaN")]
+    // Of two operands of which one is NaN, the first returns the other.
     let value = value.max(0.0).min(f32::from(last));
     // SAFETY: The value is from 0 to 65 535.
     let whole: i32 = unsafe { value.to_int_unchecked() };

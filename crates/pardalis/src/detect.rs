@@ -1,21 +1,19 @@
 //! Detection: finds where in an image a target's colours stand out, without prior knowledge of its position.
 
 mod inscribed;
+mod statistics;
+
+pub(crate) use statistics::{BinCounts, mean_color, sampling_steps_px};
 
 use crate::Frame;
 use crate::background::Background;
-use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette, PixelKind};
-use crate::frame::{Row, with_pixels};
+use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette};
+use crate::frame::Row;
 use crate::tuning::BlobTuning;
 use crate::view::PreparedFrame;
 use pardalis_camera::Mask;
 use pardalis_core::simd::Level;
 
-/// The least distance between the rows and columns whose pixels image statistics sample, pixels. Hand-set: 640 x 480 pixels still give 19 200 samples. All targets share the
-/// statistics.
-const LEAST_SAMPLING_STEP_PX: usize = 4;
-/// About the greatest number of samples. Hand-set: more say little else of an image, and take time.
-const MAX_SAMPLES: usize = 40_000;
 /// The length of the sides of the cells of an image, pixels. Hand-set: short, and a few times as long as the smallest blobs.
 const CELL: usize = 16;
 /// The distance between the rows and columns whose pixels are looked at first: cells are searched if one of these pixels in or beside them has the target's colours. Derivation:
@@ -67,102 +65,6 @@ impl Blob {
     }
 }
 
-/// How often each bin of a palette occurs in an image.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct BinCounts {
-    counts: Vec<u64>,
-    total: u64,
-    /// Pixels of a row of the image.
-    row: Row,
-}
-
-impl BinCounts {
-    /// Counts the bins of every `step_px`th unmasked pixel of every `step_px`th row, after illumination correction.
-    ///
-    /// Panics if the frame was not prepared for the palette ([`View::prepare`](crate::view::View::prepare)).
-    pub(crate) fn count(
-        &mut self,
-        prepared: &PreparedFrame,
-        palette: Palette,
-        correction: &IlluminationCorrection,
-        (step_px, level): (usize, Level),
-    ) {
-        let frame = prepared.frame();
-        let table = prepared.table(palette);
-        let (width, height) = (frame.width(), frame.height());
-        let open = prepared.view().mask().map(Mask::open);
-        self.counts.clear();
-        self.counts.resize(palette.bin_count(), 0);
-        self.total = 0;
-        let Self { counts, total, row } = self;
-        level.run(
-            #[inline(always)]
-            || {
-                for y in (0..height).step_by(step_px) {
-                    row.sample(frame, y, step_px);
-                    correction.row(row);
-                    let [first, second, third] = row.components();
-                    let pixels = first.iter().zip(second).zip(third);
-                    let bins = pixels.map(|((a, b), c)| usize::from(table.bin([*a, *b, *c])));
-                    if let Some(open) = open {
-                        let open = open[y * width..][..width].iter().step_by(step_px);
-                        for (bin, _) in bins.zip(open).filter(|(_, is_open)| **is_open) {
-                            counts[bin] += 1;
-                            *total += 1;
-                        }
-                    } else {
-                        *total += first.len() as u64;
-                        bins.for_each(|bin| counts[bin] += 1);
-                    }
-                }
-            },
-        );
-    }
-
-    /// Writes the colour posterior of each bin: t / (t + f), with the shares t of the target's pixels and f of the image's pixels in the bin.
-    ///
-    /// No model of the background is needed (ratio histogram; Swain and Ballard 1991).
-    pub(crate) fn color_posterior(&self, colors: &ColorModel, posterior: &mut Vec<f64>) {
-        let of_bin = |(&share, &count): (&f64, &u64)| {
-            let of_image = count as f64 / self.total.max(1) as f64;
-            if share > 0.0 {
-                share / (share + of_image)
-            } else {
-                0.0
-            }
-        };
-        let shares = colors.histogram().shares();
-        posterior.clear();
-        posterior.extend(shares.iter().zip(&self.counts).map(of_bin));
-    }
-}
-
-/// Returns the distance between the rows and columns whose pixels image statistics sample, pixels.
-pub(crate) fn sampling_step_px(frame: &Frame) -> usize {
-    let pixels = frame.width() * frame.height();
-    let enough = (pixels as f64 / MAX_SAMPLES as f64).sqrt().ceil() as usize;
-    enough.max(LEAST_SAMPLING_STEP_PX)
-}
-
-/// Returns the mean Y, U and V of an image's unmasked pixels, of every `step_px`th pixel of every `step_px`th row.
-pub(crate) fn mean_color(prepared: &PreparedFrame, step_px: usize) -> [f32; 3] {
-    let frame = prepared.frame();
-    let (width, height) = (frame.width(), frame.height());
-    let open = prepared.view().mask().map(Mask::open);
-    let (mut sums, mut count) = ([0_u64; 3], 0_u64);
-    with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
-        for x in (0..width).step_by(step_px) {
-            if open.is_none_or(|open| open[y * width + x]) {
-                let bytes = components(x, y);
-                (0..3).for_each(|i| sums[i] += u64::from(bytes[i]));
-                count += 1;
-            }
-        }
-    });
-    let mean = sums.map(|sum| sum as f64 / count.max(1) as f64);
-    PixelKind::of(frame).full_range_yuv_of_mean(mean)
-}
-
 /// Returns the blobs of a target's colours in one image, the largest first, at most eight.
 ///
 /// A colour stands out if it is at least twice as frequent among the target's pixels as in the image. Panics if the frame was not prepared for the
@@ -174,7 +76,12 @@ pub fn blobs(prepared: &PreparedFrame, colors: &ColorModel) -> Vec<Blob> {
 fn search_image(prepared: &PreparedFrame, colors: &ColorModel) -> BlobSearch {
     let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
     let correction = IlluminationCorrection::NONE;
-    counts.count(prepared, colors.palette(), &correction, (1, Level::best()));
+    counts.count(
+        prepared,
+        colors.palette(),
+        &correction,
+        ([1, 1], Level::best()),
+    );
     counts.color_posterior(colors, &mut posterior);
     let mut search = BlobSearch::default();
     let colors = (colors.palette(), None);
@@ -593,6 +500,7 @@ mod tests {
     use crate::{Frame, PixelFormat};
     use pardalis_camera::Pose;
     use pardalis_camera::{Camera, Pinhole};
+    use pardalis_core::rng::{Draws, Stage};
 
     const SIZE: (usize, usize) = (60, 40);
 
@@ -695,6 +603,57 @@ mod tests {
         assert_eq!(left_out.area_px, many.blobs[7].area_px);
         assert!(many.blobs.iter().all(|blob| blob != left_out));
         assert_eq!(search(&[], None).left_out(), None);
+    }
+
+    #[test]
+    fn a_search_near_some_of_the_pixels_finds_what_a_search_of_all_finds() {
+        let draws = Draws::new(5, 0);
+        let number = |i: usize, of: usize| draws.uniform(i as u32, of as u32, Stage::Resampling);
+        let (width, height) = (203, 121);
+        let (mut found, mut search) = (0, BlobSearch::default());
+        for image in 0..40 {
+            // Down to discs of the least size, and specks everywhere.
+            let discs: Vec<_> = (0..image % 7)
+                .map(|disc| {
+                    let at = |i: usize| number(100 * image + 10 * disc + i, 0);
+                    let middle = [at(0) * width as f64, at(1) * height as f64];
+                    (middle, 1.5 + 7.0 * at(2) * at(2))
+                })
+                .collect();
+            let is_orange = |i: usize| {
+                let (x, y) = ((i % width) as f64, (i / width) as f64);
+                let inside = |&([u, v], r): &([f64; 2], f64)| (x - u).hypot(y - v) <= r;
+                discs.iter().any(inside) || number(i, 1 + image) < 0.004
+            };
+            let pixel = |i| {
+                if is_orange(i) {
+                    [230, 110, 20]
+                } else {
+                    [40, 90, 40]
+                }
+            };
+            let bytes: Vec<u8> = (0..width * height).flat_map(pixel).collect();
+            let frame = Frame::from_rgb(width, height, bytes, 0.0).unwrap();
+            let lens = Pinhole::new([50.0; 2], [100.0, 60.0], &[]).unwrap();
+            let mut view = View::new(lens, Pose::identity(), (width, height), None).unwrap();
+            view.prepare(crate::color::PixelKind::of(&frame), Palette::HSI);
+            let (prepared, colors) = (view.prepared(&frame), orange());
+            let mut posterior = vec![0.0; Palette::HSI.bin_count()];
+            posterior[usize::from(Palette::HSI.bin_of_rgb([230.0, 110.0, 20.0]))] = 1.0;
+            let (colors, none) = ((colors.palette(), None), IlluminationCorrection::NONE);
+            search.find(&prepared, colors, &posterior, &none, |_| false);
+
+            let mut all = BlobSearch::default();
+            all.begin((width, height));
+            all.rows.fill(true);
+            all.matching = (0..width * height).map(is_orange).collect();
+            let weight = |i| f64::from(u8::from(is_orange(i)));
+            all.connect((width, height), |_| true, weight);
+            assert_eq!(search.blobs, all.blobs, "image {image}");
+            assert_eq!(search.left_out, all.left_out, "image {image}");
+            found += all.blobs.len();
+        }
+        assert!(found > 60, "{found}");
     }
 
     #[test]

@@ -78,6 +78,40 @@ fn only_what_is_not_the_target_already_is_fitted_in_searches_by_several_cameras(
 }
 
 #[test]
+fn the_part_of_the_target_that_another_camera_sees_is_not_fitted() {
+    let shift_px = BESIDE_M / RADIUS_M * 26.0;
+    let ball = Thing {
+        exponent: 2.0,
+        radius_px: 26.0,
+        // The second camera sees some two thirds of it.
+        middle_px: [shift_px + 8.0, CENTER_PX[1]],
+    };
+    let views = [0.0, BESIDE_M].map(|x_m| view(Pose::translation(x_m, 0.0, 0.0)));
+    let settings = vec![settings_of(ball)];
+    let mut tracker = Tracker::new(views.to_vec(), settings, 1, Level::best()).unwrap();
+    let mut parts = 0;
+    for number in 0..30 {
+        let frames =
+            [ball, seen_from_beside(ball)].map(|ball| shown(&[ball], &[], f64::from(number) / FPS));
+        let frames = frames.into_iter().enumerate();
+        let frames = frames.map(|(camera, frame)| (CameraId::new(camera), frame));
+        tracker.observe(&FrameSet::new(frames).unwrap()).unwrap();
+        if number < 5 {
+            continue;
+        }
+        for candidate in tracker.candidates(TargetId::new(0)).unwrap().flatten() {
+            if let Some(blob) = candidate.origin.blob().filter(|blob| blob.cut_off) {
+                assert!((1000.0..1500.0).contains(&blob.area_px), "{blob:?}");
+                assert_eq!(candidate.verdict, Verdict::SamePlace, "{number}");
+                assert_eq!(candidate.outline_nats, None, "{number}");
+                parts += 1;
+            }
+        }
+    }
+    assert!(parts >= 2, "{parts}");
+}
+
+#[test]
 fn whole_images_are_searched_for_one_target_at_a_time() {
     let ball = Thing {
         exponent: 2.0,

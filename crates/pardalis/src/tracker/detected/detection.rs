@@ -205,9 +205,13 @@ impl Detector {
             || predicted.is_challenged
             || predicted.existence < tuning.sure_existence
             || is_due;
+        // What moves is looked for only if that is not sure; otherwise images are compared halfway between searches.
+        let is_halfway = self.since_search == tuning.frames_between_searches / 2;
+        if is_halfway || (self.has_searched && !is_sure) {
+            self.candidates.compare(frames);
+        }
         if self.has_searched {
             self.since_search = if is_due { 0 } else { self.stagger };
-            self.candidates.compare(frames);
             let first = candidates.len();
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
@@ -282,7 +286,7 @@ impl Detector {
         })
     }
 
-    /// Whether a candidate's blob is a detection's in the same camera: there, and as large.
+    /// Whether a candidate's blob is a detection's in the same camera: there, and as large, or a part of it, the rest of which may be hidden or out of view.
     fn is_of(
         &self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
@@ -299,7 +303,13 @@ impl Detector {
             let [u, v] = [0, 1].map(|i| blob.centroid_px[i] - middle_px[i]);
             let diameter_px = 2.0 * (area_px / std::f64::consts::PI).sqrt();
             let ratio = (blob.area_px / area_px).max(area_px / blob.area_px);
-            libm::hypot(u, v) < reach * diameter_px && ratio < most * most
+            let is_same = libm::hypot(u, v) < reach * diameter_px && ratio < most * most;
+            let is_part = (0..2).all(|i| {
+                let sides = [blob.min_px[i], blob.max_px[i]].map(|side| side as f64);
+                let is_inside = |side: f64| (side - middle_px[i]).abs() < 0.5 * most * diameter_px;
+                sides.into_iter().all(is_inside)
+            });
+            is_same || is_part
         })
     }
 
