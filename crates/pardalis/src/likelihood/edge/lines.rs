@@ -84,13 +84,15 @@ pub(super) struct LineBuffers {
 impl LineBuffers {
     /// Pixels that there is room for in advance. Hand-set: enough for all but the longest outlines.
     const PIXELS: usize = 8192;
+    /// Nodes of a streak for which there is. Hand-set, as the pixels: streaks of 150 pixels and more.
+    const NODES: usize = 16_384;
 
     pub(super) fn new() -> Self {
         Self {
             pixels: Vec::with_capacity(Self::PIXELS),
             places: Vec::with_capacity(Self::PIXELS),
             corners: Vec::new(),
-            streak: Streak::with_room(Self::PIXELS),
+            streak: Streak::with_room(Self::NODES),
             mixtures: Vec::with_capacity(Self::PIXELS),
             sectors: Vec::new(),
         }
