@@ -261,7 +261,6 @@ impl EdgeCue {
             steps,
             min_shift_px,
             max_shift_px,
-            placed_px,
             ..
         } = self.tuning;
         for round in 0..=rounds {
@@ -278,7 +277,6 @@ impl EdgeCue {
             let mut slope = self.slope(frames, detection);
             let mut value = slope.log_ratio + prior.log_density(detection);
             let mut moved_px = 0.0_f64;
-            let mut has_failed = false;
             for _ in 0..steps {
                 let here = detection.place();
                 let with_prior = self.with_prior(&slope, detection, prior);
@@ -301,18 +299,12 @@ impl EdgeCue {
                     detection.set_place(&here);
                     detection.restore_offsets();
                     damping = (damping * DAMPING_FACTORS[1]).max(LEAST_FAILED_DAMPING);
-                    has_failed |= size_px >= min_shift_px;
                 }
                 if size_px < min_shift_px {
                     break;
                 }
             }
-            // After steps that did not make the fit better, short ones do not mean that it is the best.
-            let enough_px = if has_failed { min_shift_px } else { placed_px };
-            // Finer octaves correct what is left.
-            let finest = Octave::default();
-            let is_refined = detection.lines().iter().all(|lines| lines.octave > finest);
-            if moved_px < enough_px && (round > 0 || (is_refined && !has_failed)) {
+            if moved_px < min_shift_px && round > 0 {
                 break;
             }
         }
