@@ -3,7 +3,7 @@
 mod inscribed;
 mod statistics;
 
-pub(crate) use statistics::{BinCounts, mean_color, sampling_steps_px};
+pub(crate) use statistics::{BinCounts, mean_color, sampling_step_px};
 
 use crate::Frame;
 use crate::background::Background;
@@ -76,12 +76,7 @@ pub fn blobs(prepared: &PreparedFrame, colors: &ColorModel) -> Vec<Blob> {
 fn search_image(prepared: &PreparedFrame, colors: &ColorModel) -> BlobSearch {
     let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
     let correction = IlluminationCorrection::NONE;
-    counts.count(
-        prepared,
-        colors.palette(),
-        &correction,
-        ([1, 1], Level::best()),
-    );
+    counts.count(prepared, colors.palette(), &correction, (1, Level::best()));
     counts.color_posterior(colors, &mut posterior);
     let mut search = BlobSearch::default();
     let colors = (colors.palette(), None);

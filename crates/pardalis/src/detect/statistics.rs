@@ -7,8 +7,8 @@ use crate::view::PreparedFrame;
 use pardalis_camera::Mask;
 use pardalis_core::simd::Level;
 
-/// The least distance between the pixels that image statistics sample, if it were the same along rows and columns. Hand-set: 640 x 480 pixels still give 19 200 samples. All
-/// targets share the statistics.
+/// The least distance between the rows and columns whose pixels image statistics sample, pixels. Hand-set: 640 x 480 pixels still give 19 200 samples. All targets share the
+/// statistics.
 const LEAST_SAMPLING_STEP_PX: usize = 4;
 /// About the greatest number of samples. Hand-set: more say little else of an image, and take time.
 const MAX_SAMPLES: usize = 40_000;
@@ -22,7 +22,7 @@ pub(crate) struct BinCounts {
 }
 
 impl BinCounts {
-    /// Counts the bins of unmasked pixels after illumination correction, on a grid with these steps along rows and columns.
+    /// Counts the bins of every `step_px`th unmasked pixel of every `step_px`th row, after illumination correction.
     ///
     /// Panics if the frame was not prepared for the palette ([`View::prepare`](crate::view::View::prepare)).
     pub(crate) fn count(
@@ -30,7 +30,7 @@ impl BinCounts {
         prepared: &PreparedFrame,
         palette: Palette,
         correction: &IlluminationCorrection,
-        ([along_px, down_px], level): ([usize; 2], Level),
+        (step_px, level): (usize, Level),
     ) {
         let frame = prepared.frame();
         let table = prepared.table(palette);
@@ -43,14 +43,14 @@ impl BinCounts {
         level.run(
             #[inline(always)]
             || {
-                for y in (0..height).step_by(down_px) {
-                    row.sample(frame, y, along_px);
+                for y in (0..height).step_by(step_px) {
+                    row.sample(frame, y, step_px);
                     correction.row(row);
                     let [first, second, third] = row.components();
                     let pixels = first.iter().zip(second).zip(third);
                     let bins = pixels.map(|((a, b), c)| usize::from(table.bin([*a, *b, *c])));
                     if let Some(open) = open {
-                        let open = open[y * width..][..width].iter().step_by(along_px);
+                        let open = open[y * width..][..width].iter().step_by(step_px);
                         for (bin, _) in bins.zip(open).filter(|(_, is_open)| **is_open) {
                             counts[bin] += 1;
                             *total += 1;
@@ -82,23 +82,21 @@ impl BinCounts {
     }
 }
 
-/// Returns the distances between the pixels of a row that image statistics sample, and between these rows, in pixels.
-pub(crate) fn sampling_steps_px(frame: &Frame) -> [usize; 2] {
+/// Returns the distance between the rows and columns whose pixels image statistics sample, pixels.
+pub(crate) fn sampling_step_px(frame: &Frame) -> usize {
     let pixels = frame.width() * frame.height();
     let enough = (pixels as f64 / MAX_SAMPLES as f64).sqrt().ceil() as usize;
-    let step_px = enough.max(LEAST_SAMPLING_STEP_PX);
-
-    [step_px, step_px]
+    enough.max(LEAST_SAMPLING_STEP_PX)
 }
 
-/// Returns the mean Y, U and V of an image's unmasked pixels, on a grid with these steps along rows and columns.
-pub(crate) fn mean_color(prepared: &PreparedFrame, [along_px, down_px]: [usize; 2]) -> [f32; 3] {
+/// Returns the mean Y, U and V of an image's unmasked pixels, of every `step_px`th pixel of every `step_px`th row.
+pub(crate) fn mean_color(prepared: &PreparedFrame, step_px: usize) -> [f32; 3] {
     let frame = prepared.frame();
     let (width, height) = (frame.width(), frame.height());
     let open = prepared.view().mask().map(Mask::open);
     let (mut sums, mut count) = ([0_u64; 3], 0_u64);
-    with_pixels!(frame, components => for y in (0..height).step_by(down_px) {
-        for x in (0..width).step_by(along_px) {
+    with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
+        for x in (0..width).step_by(step_px) {
             if open.is_none_or(|open| open[y * width + x]) {
                 let bytes = components(x, y);
                 (0..3).for_each(|i| sums[i] += u64::from(bytes[i]));

@@ -1,7 +1,7 @@
 //! Statistics of a camera's image that do not depend on the target, computed once per frame for all targets.
 
 use crate::color::{IlluminationCorrection, Palette};
-use crate::detect::{BinCounts, mean_color, sampling_steps_px};
+use crate::detect::{BinCounts, mean_color, sampling_step_px};
 use crate::view::PreparedFrame;
 use pardalis_core::simd::Level;
 
@@ -58,8 +58,8 @@ impl ImageStatistics {
         }
         let (of, by, counts) = &mut self.bins[self.count];
         (*of, *by) = (palette, *correction);
-        let steps_px = sampling_steps_px(prepared.frame());
-        counts.count(prepared, palette, correction, (steps_px, self.level));
+        let step_px = sampling_step_px(prepared.frame());
+        counts.count(prepared, palette, correction, (step_px, self.level));
         self.count += 1;
         self.count - 1
     }
@@ -68,6 +68,6 @@ impl ImageStatistics {
     pub(super) fn mean_color(&mut self, prepared: &PreparedFrame) -> [f32; 3] {
         *self
             .mean_color
-            .get_or_insert_with(|| mean_color(prepared, sampling_steps_px(prepared.frame())))
+            .get_or_insert_with(|| mean_color(prepared, sampling_step_px(prepared.frame())))
     }
 }

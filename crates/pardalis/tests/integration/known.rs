@@ -22,6 +22,20 @@ fn seen_from_beside(thing: Thing) -> Thing {
     }
 }
 
+/// A tracker of a ball with two cameras beside each other.
+fn two_cameras(ball: Thing) -> Tracker {
+    let views = [0.0, BESIDE_M].map(|x_m| view(Pose::translation(x_m, 0.0, 0.0)));
+    Tracker::new(views.to_vec(), vec![settings_of(ball)], 1, Level::best()).unwrap()
+}
+
+/// Lets both cameras see these things.
+fn observe<const N: usize>(tracker: &mut Tracker, things: [Thing; N], time_s: f64) {
+    let frames = [things, things.map(seen_from_beside)].map(|things| shown(&things, &[], time_s));
+    let frames = frames.into_iter().enumerate();
+    let frames = frames.map(|(camera, frame)| (CameraId::new(camera), frame));
+    tracker.observe(&FrameSet::new(frames).unwrap()).unwrap();
+}
+
 #[test]
 fn only_what_is_not_the_target_already_is_fitted_in_searches_by_several_cameras() {
     let ball = Thing {
@@ -35,18 +49,10 @@ fn only_what_is_not_the_target_already_is_fitted_in_searches_by_several_cameras(
         middle_px: [ball.middle_px[0] + 90.0, CENTER_PX[1]],
         ..ball
     };
-    let views = [0.0, BESIDE_M].map(|x_m| view(Pose::translation(x_m, 0.0, 0.0)));
-    let settings = vec![settings_of(ball)];
-    let mut tracker = Tracker::new(views.to_vec(), settings, 1, Level::best()).unwrap();
+    let mut tracker = two_cameras(ball);
     let [mut of_ball, mut of_smaller, mut rays_left_out] = [0; 3];
     for number in 0..30 {
-        let time_s = f64::from(number) / FPS;
-        let things = [ball, smaller];
-        let frames =
-            [things, things.map(seen_from_beside)].map(|things| shown(&things, &[], time_s));
-        let frames = frames.into_iter().enumerate();
-        let frames = frames.map(|(camera, frame)| (CameraId::new(camera), frame));
-        tracker.observe(&FrameSet::new(frames).unwrap()).unwrap();
+        observe(&mut tracker, [ball, smaller], f64::from(number) / FPS);
         if number < 5 {
             // It is only just found.
             continue;
@@ -86,9 +92,7 @@ fn the_part_of_the_target_that_another_camera_sees_is_not_fitted() {
         // The second camera sees some two thirds of it.
         middle_px: [shift_px + 8.0, CENTER_PX[1]],
     };
-    let views = [0.0, BESIDE_M].map(|x_m| view(Pose::translation(x_m, 0.0, 0.0)));
-    let settings = vec![settings_of(ball)];
-    let mut tracker = Tracker::new(views.to_vec(), settings, 1, Level::best()).unwrap();
+    let mut tracker = two_cameras(ball);
     let mut parts = 0;
     for number in 0..30 {
         let frames =

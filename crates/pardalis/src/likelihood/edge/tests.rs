@@ -100,12 +100,7 @@ pub(super) fn with_frames<T>(
         view.prepare_ranges(kind, cue.ranges().unwrap());
         let prepared = view.prepared(frame);
         let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
-        counts.count(
-            &prepared,
-            cue.palette(),
-            &correction,
-            ([1, 1], Level::best()),
-        );
+        counts.count(&prepared, cue.palette(), &correction, (1, Level::best()));
         counts.color_posterior(&colors, &mut posterior);
         posteriors.push(posterior);
         views.push(view);
