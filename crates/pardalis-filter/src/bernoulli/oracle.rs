@@ -10,6 +10,14 @@ use super::{BernoulliSettings, Hypothesis, MeasurementComponent, ParticleRange};
 /// Variance that every step adds to a position, m².
 const STEP_VARIANCE_M2: f64 = 1e-10;
 
+/// By which share rounding alone may change a result if no number is lost in a greater one.
+pub(super) const ROUNDING: f64 = 1e-9;
+
+/// Returns the inverse of a covariance. Cholesky's method, because cofactors lose half of the digits of a flat one.
+fn inverse(covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    covariance.clone().cholesky().unwrap().inverse()
+}
+
 /// A Gaussian, possibly not normalised.
 struct Gaussian {
     mean: DVector<f64>,
@@ -19,19 +27,20 @@ struct Gaussian {
 impl Gaussian {
     fn squared(&self, position: &DVector<f64>) -> f64 {
         let off = position - &self.mean;
-        let precision = self.covariance.clone().try_inverse().unwrap();
-        (off.transpose() * precision * off)[0]
+        let factor = self.covariance.clone().cholesky().unwrap();
+        off.dot(&factor.solve(&off))
     }
 
     fn density(&self, position: &DVector<f64>) -> f64 {
-        let determinant = (&self.covariance * std::f64::consts::TAU).determinant();
-        (-0.5 * self.squared(position)).exp() / determinant.sqrt()
+        let covariance = &self.covariance * std::f64::consts::TAU;
+        let deviations = covariance.cholesky().unwrap().l().diagonal();
+        (-0.5 * self.squared(position)).exp() / deviations.product()
     }
 
     /// Returns the normalised product of two Gaussians.
     fn product(&self, other: &Self) -> Self {
-        let [a, b] = [self, other].map(|g| g.covariance.clone().try_inverse().unwrap());
-        let covariance = (a + &b).try_inverse().unwrap();
+        let [a, b] = [self, other].map(|g| inverse(&g.covariance));
+        let covariance = inverse(&(a + &b));
         let mean = &self.mean + &covariance * b * (&other.mean - &self.mean);
         Self { mean, covariance }
     }
@@ -105,6 +114,8 @@ pub(super) struct Drawn {
     /// Prior density over proposal density, times the weight of the ancestor.
     pub(super) weights: Vec<f64>,
     pub(super) hypotheses: Vec<Hypothesis>,
+    /// By which share rounding alone may change weights and velocities.
+    pub(super) rounding: f64,
 }
 
 impl Before<'_> {
@@ -305,6 +316,7 @@ impl Before<'_> {
         Drawn {
             weights,
             hypotheses,
+            rounding: ROUNDING,
         }
     }
 
@@ -361,7 +373,7 @@ impl Before<'_> {
             let start = (row * axes, column * axes);
             covariance.view(start, (axes, axes)).into()
         };
-        let gain = block(1, 0) * block(0, 0).try_inverse().unwrap();
+        let gain = block(1, 0) * inverse(&block(0, 0));
         let rest = block(1, 1) - &gain * block(0, 1);
         Moments {
             position: Gaussian {
@@ -405,6 +417,7 @@ impl Before<'_> {
         Drawn {
             weights,
             hypotheses,
+            rounding: steady.rounding().max(jumped.rounding()),
         }
     }
 }
@@ -419,6 +432,13 @@ struct Moments {
 }
 
 impl Moments {
+    /// Returns by which share rounding alone may change what is computed from them. The covariance of particles that hardly differ across is flat: its condition
+    /// number is lost in digits.
+    fn rounding(&self) -> f64 {
+        let variances = self.position.covariance.symmetric_eigenvalues();
+        ROUNDING + 4.0 * f64::EPSILON * variances.max() / variances.min()
+    }
+
     /// Returns the hypothesis at a position.
     fn at(&self, position_m: [f64; 3], position: &DVector<f64>) -> Hypothesis {
         let velocity = &self.velocity + &self.gain * (position - &self.position.mean);
