@@ -201,16 +201,13 @@ impl Detector {
         let predicted_log_ratio = self.greatest_log_ratio();
         let is_sure = predicted_log_ratio > tuning.sure_log_ratio;
         let is_due = self.since_search >= tuning.frames_between_searches && !self.is_of_crowd;
-        let is_needed =
-            !is_sure || predicted.is_challenged || predicted.existence < tuning.sure_existence;
-        self.has_searched = is_needed || is_due;
-        // What moves is not looked for in searches that are only due: between them, images are compared in other frames.
-        let is_halfway = self.since_search == tuning.frames_between_searches / 2;
-        if is_needed || is_halfway {
-            self.candidates.compare(frames);
-        }
+        self.has_searched = !is_sure
+            || predicted.is_challenged
+            || predicted.existence < tuning.sure_existence
+            || is_due;
         if self.has_searched {
             self.since_search = if is_due { 0 } else { self.stagger };
+            self.candidates.compare(frames);
             let first = candidates.len();
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
