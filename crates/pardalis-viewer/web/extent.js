@@ -37,6 +37,8 @@ export function extentOf(scene, tracks) {
     box = box.map(([low, high], axis) => [Math.min(low, place[axis]), Math.max(high, place[axis])]);
   }
   box ??= [[-1, 1], [-1, 1], [0, 1]];
+  // A camera alone has no size.
+  if (!axes[0]) box = box.map(([low, high], axis) => (axis < 2 ? [Math.min(low, high - 1), Math.max(high, low + 1)] : [low, high]));
   // The ground at z = 0, unless everything is far from it.
   const tall = Math.max(...box.map(([low, high]) => high - low), 1e-3);
   const isOnGround = box[2][0] > -0.5 * tall && box[2][0] < 1.5 * tall;

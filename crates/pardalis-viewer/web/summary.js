@@ -6,7 +6,7 @@ import { number, seconds } from "pardalis/format.js";
 export function showSummary(host, summary, notes = []) {
   host.replaceChildren(...notes.map((note) => element("p", { class: "pv-note" }, note)));
   if (!summary) return;
-  host.append(element("div", { class: "pv-summary" }, section("Run", facts(run(summary))), section("Targets", targets(summary)), section("Cameras", cameras(summary))));
+  host.append(element("div", { class: "pv-summary" }, section("Run", facts(run(summary))), section("Targets", targets(summary), ...notFound(summary)), section("Cameras", cameras(summary))));
   if (summary.settings) {
     host.append(element("details", { class: "pv-settings" }, element("summary", {}, "Settings"), element("pre", {}, JSON.stringify(summary.settings, null, 2))));
   }
@@ -47,8 +47,15 @@ function cameras(summary) {
   return table(["camera", "input", "frames", "used", "late", "overtaken", "frozen"], rows);
 }
 
-function section(title, content) {
-  return element("section", {}, element("h2", {}, title), content);
+/** For each target that was missing in some frames, where and why: the first sentence says where. */
+function notFound(summary) {
+  const all = Object.values(summary.targets ?? {}).map((target) => target.not_found ?? []);
+  return all.filter((sentences) => sentences.length > 0).map(([where, ...why]) =>
+    element("div", { class: "pv-missed" }, element("p", {}, where), element("ul", {}, ...why.map((sentence) => element("li", {}, sentence)))));
+}
+
+function section(title, ...content) {
+  return element("section", {}, element("h2", {}, title), ...content);
 }
 
 function facts(pairs) {

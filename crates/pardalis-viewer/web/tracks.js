@@ -3,6 +3,14 @@
 /** The states of a target, in the order of their codes. */
 export const STATES = ["searching", "tracking", "occluded", "lost"];
 
+/** What each state means. */
+export const MEANINGS = {
+  searching: "not found yet",
+  tracking: "a camera sees it",
+  occluded: "no camera sees it, because something hides it or it has just left the image; its position is predicted",
+  lost: "it was found before, but where it is now is not known",
+};
+
 const NUMBERS = [
   "time_s", "frame", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps", "heading_rad",
   "xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2", "confidence", "radius_m", "sigma_radius_m", "sigma_heading_rad",

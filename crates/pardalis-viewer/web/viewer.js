@@ -75,7 +75,7 @@ import { Plots } from "pardalis/plots.js";
 import { createStage, VIEWS } from "pardalis/stage.js";
 import { Strip } from "pardalis/strip.js";
 import { Timeline } from "pardalis/timeline.js";
-import { STATES, Tracks, joinedTimes, lastAtOrBefore, nearbyTracks } from "pardalis/tracks.js";
+import { MEANINGS, STATES, Tracks, joinedTimes, lastAtOrBefore, nearbyTracks } from "pardalis/tracks.js";
 import { Values } from "pardalis/values.js";
 
 /** What the colours of trails may mean; "run" if two are compared. */
@@ -170,7 +170,7 @@ export class Viewer {
     if (this.stage) this.#buildControls(sceneHost);
     else sceneHost.append(element("p", { class: "pv-no-webgl" }, "This browser has no WebGL 2, which the 3D view needs. Numbers and plots work without it."));
     this.legendHost = element("div", { class: "pv-legend" });
-    stripHost.append(this.legendHost);
+    stripHost.append(element("div", { class: "pv-legends" }, this.legendHost, meanings()));
     this.pictures = new Pictures(picturesHost);
     this.values = new Values(valuesHost, select);
     this.strip = new Strip(stripHost, pick, select);
@@ -298,4 +298,10 @@ export class Viewer {
     if (view && this.stage) this.#setView(view);
     if ((view && this.stage) || this.timeline.key(event)) event.preventDefault();
   }
+}
+
+/** What the states mean, for readers who want to know. */
+function meanings() {
+  const terms = STATES.flatMap((state) => [element("dt", {}, state), element("dd", {}, MEANINGS[state])]);
+  return element("details", { class: "pv-meanings" }, element("summary", {}, "What states mean"), element("dl", {}, ...terms));
 }

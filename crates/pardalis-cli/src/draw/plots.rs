@@ -122,10 +122,12 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// Returns the first and the last point.
+    /// Returns the first point and the last one at which the target was seen: where it has left the images, predictions lead on.
     pub(super) fn ends(&self) -> (Option<&Point>, Option<&Point>) {
-        let (first, last) = (self.runs.first(), self.runs.last());
-        (first.and_then(|r| r.first()), last.and_then(|r| r.last()))
+        let mut points = self.runs.iter().flatten();
+        let seen = points.clone().rfind(|point| point.is_seen);
+        let last = seen.or(points.clone().next_back());
+        (points.next(), last)
     }
 
     /// Returns the stretches of a run in which the target was seen at every point, and those between them, each with

@@ -343,18 +343,39 @@ fn positions_of_occluded_targets_are_pale() {
     }
 }
 
+/// Returns points a second apart.
+fn points(are_seen: &[bool]) -> Vec<Point> {
+    let point = |(time, &is_seen): (usize, &bool)| Point {
+        time_s: time as f64,
+        position_m: [0.0; 3],
+        two_sigma_m: None,
+        is_seen,
+    };
+    are_seen.iter().enumerate().map(point).collect()
+}
+
+#[test]
+fn tracks_end_where_the_target_was_seen_last() {
+    for (are_seen, expected) in [
+        (&[true, false, true, false, false][..], Some(2.0)),
+        (&[true, true], Some(1.0)),
+        (&[false, false], Some(1.0)),
+        (&[], None),
+    ] {
+        let trace = Trace {
+            color: PALETTE[0],
+            runs: vec![points(are_seen)],
+        };
+        let (first, last) = trace.ends();
+        let start = (!are_seen.is_empty()).then_some(0.0);
+        let times = [first, last].map(|point| point.map(|point| point.time_s));
+        assert_eq!(times, [start, expected], "{are_seen:?}");
+    }
+}
+
 #[test]
 fn stretches_share_their_ends() {
-    let run: Vec<Point> = [true, true, false, true, true, true]
-        .into_iter()
-        .zip(0..)
-        .map(|(is_seen, time)| Point {
-            time_s: f64::from(time),
-            position_m: [0.0; 3],
-            two_sigma_m: None,
-            is_seen,
-        })
-        .collect();
+    let run = points(&[true, true, false, true, true, true]);
     let times = |run: &[Point]| -> Vec<(Vec<f64>, bool)> {
         let stretches = Trace::stretches(run).into_iter();
         let times =

@@ -326,10 +326,12 @@ fn spawn(command: Command) -> Result<Child> {
     Ok(answer.recv()??)
 }
 
-/// Returns a command without standard input that writes no report.
+/// Returns a command without standard input that writes no report. Ctrl-C in a terminal does not reach it: this program ends it.
 fn command(program: &Path) -> Command {
     let mut command = Command::new(program);
     command.stdin(Stdio::null()).env_remove("FFREPORT");
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
     command
 }
 

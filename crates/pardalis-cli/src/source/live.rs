@@ -165,7 +165,11 @@ impl Again {
         } else {
             why.unwrap_or_else(|| user_error!("{input}: ended"))
         };
-        warn(format!("{why:#}; opening it again for {limit_s} s"));
+        let shown = format!("{why:#}");
+        // Messages of ffmpeg have lines of their own.
+        let joint = if shown.contains('\n') { "\n" } else { "; " };
+        let shown = shown.trim_end_matches('.');
+        warn(format!("{shown}{joint}opening it again for {limit_s} s"));
         let watch = Stopwatch::start();
         let [mut pause, longest_pause] = PAUSES;
         while watch.elapsed_s() < limit_s && !running.is_stopped_after(pause) {

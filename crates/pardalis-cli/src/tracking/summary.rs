@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::TargetId;
-use serde_json::{Map, json};
+use serde_json::{Map, Value, json};
 
 use super::agreement;
 use super::radius::EstimatedRadius;
@@ -54,49 +54,8 @@ pub(crate) fn write(
         cameras.insert(camera.name.clone(), entry);
     }
     let mut targets = Map::new();
-    for (number, (target, states)) in open.scene.targets.iter().zip(series.states()).enumerate() {
-        let mut per_camera = Map::new();
-        let contributions = open.tracker.contributions(TargetId::new(number))?;
-        for (camera, contribution) in open.scene.cameras.iter().zip(contributions) {
-            let frames = contribution.frames;
-            let mean_log_ratio =
-                (frames > 0).then(|| contribution.log_likelihood_ratio / frames as f64);
-            let entry = json!({
-                "used_frames": frames,
-                "visible_frames": contribution.visible_frames,
-                "blind_frames": contribution.blind_frames,
-                "mean_log_likelihood_ratio": mean_log_ratio,
-            });
-            per_camera.insert(camera.name.clone(), entry);
-        }
-        let diameters_m = target.bodies.iter().map(|body| body.shape.diameter_m());
-        let diameter_m = diameters_m.fold(0.0, f64::max);
-        let missed: Map<_, _> = (missed.by_reason(number))
-            .map(|(reason, frames)| (reason.name().to_owned(), json!(frames)))
-            .collect();
-        let radii = EstimatedRadius::of(&open.scene, &open.tracker, number)?;
-        let radii = radii.iter().map(|radius| {
-            let entry = json!({
-                "radius_m": radius.estimate.radius_m,
-                "sigma_m": radius.estimate.sigma_m,
-            });
-            (radius.key.clone(), entry)
-        });
-        let radii: Map<_, _> = radii.collect();
-        let mut entry = json!({
-            "estimated_radii": radii,
-            "diameter_m": diameter_m,
-            "rows": states,
-            "missed": missed,
-            "cameras": per_camera,
-        });
-        if target.crowd.is_some() {
-            entry["members"] = json!(series.crowds()[number]);
-        }
-        let id = TargetId::new(number);
-        if let Some(counts) = measurements::entry(&open.measurements, id, &open.tracker) {
-            entry["measurements"] = counts;
-        }
+    for (number, target) in open.scene.targets.iter().enumerate() {
+        let entry = target_entry(open, number, series, missed)?;
         targets.insert(target.name.clone(), entry);
     }
     let summary = json!({
@@ -126,4 +85,60 @@ pub(crate) fn write(
     let text = serde_json::to_string_pretty(&summary)? + "\n";
     write_file(&path, text.as_bytes())?;
     Ok(path)
+}
+
+/// Returns the entry of a target, by its number.
+fn target_entry(
+    open: &OpenScene,
+    number: usize,
+    series: &SeriesCollector,
+    missed: &MissedFrames,
+) -> Result<Value> {
+    let target = &open.scene.targets[number];
+    let states = &series.states()[number];
+    let id = TargetId::new(number);
+    let mut per_camera = Map::new();
+    let contributions = open.tracker.contributions(id)?;
+    for (camera, contribution) in open.scene.cameras.iter().zip(contributions) {
+        let frames = contribution.frames;
+        let mean_log_ratio =
+            (frames > 0).then(|| contribution.log_likelihood_ratio / frames as f64);
+        let entry = json!({
+            "used_frames": frames,
+            "visible_frames": contribution.visible_frames,
+            "blind_frames": contribution.blind_frames,
+            "mean_log_likelihood_ratio": mean_log_ratio,
+        });
+        per_camera.insert(camera.name.clone(), entry);
+    }
+    let diameters_m = target.bodies.iter().map(|body| body.shape.diameter_m());
+    let diameter_m = diameters_m.fold(0.0, f64::max);
+    let not_found = missed.lines(number, &target.name, states.searching + states.lost);
+    let missed: Map<_, _> = (missed.by_reason(number))
+        .map(|(reason, frames)| (reason.name().to_owned(), json!(frames)))
+        .collect();
+    let radii = EstimatedRadius::of(&open.scene, &open.tracker, number)?;
+    let radii = radii.iter().map(|radius| {
+        let entry = json!({
+            "radius_m": radius.estimate.radius_m,
+            "sigma_m": radius.estimate.sigma_m,
+        });
+        (radius.key.clone(), entry)
+    });
+    let radii: Map<_, _> = radii.collect();
+    let mut entry = json!({
+        "estimated_radii": radii,
+        "diameter_m": diameter_m,
+        "rows": states,
+        "missed": missed,
+        "not_found": not_found,
+        "cameras": per_camera,
+    });
+    if target.crowd.is_some() {
+        entry["members"] = json!(series.crowds()[number]);
+    }
+    if let Some(counts) = measurements::entry(&open.measurements, id, &open.tracker) {
+        entry["measurements"] = counts;
+    }
+    Ok(entry)
 }

@@ -38,10 +38,15 @@ fn verdicts(rows: &[Vec<String>]) -> BTreeSet<&str> {
     rows.iter().map(|row| &*row[15]).collect()
 }
 
-fn missed(place: &Workplace) -> Value {
+/// Returns what the summary says about the ball.
+fn ball(place: &Workplace) -> Value {
     let text = fs::read(place.path("out/summary.json")).unwrap();
     let summary: Value = serde_json::from_slice(&text).unwrap();
-    summary["targets"]["ball"]["missed"].clone()
+    summary["targets"]["ball"].clone()
+}
+
+fn missed(place: &Workplace) -> Value {
+    ball(place)["missed"].clone()
 }
 
 /// Runs the program on a scene with explanations in the folder `out`.
@@ -75,9 +80,17 @@ fn the_run_says_where_a_target_left_the_image() {
         .parse::<usize>()
         .unwrap();
     assert!((15..35).contains(&last), "{last}");
-    let wanted = format!("  after frame {last} it left the image (left)\n");
+    let wanted = format!("after frame {last} it left the image (left)");
     let report = run.stdout + &run.stderr;
-    assert!(report.contains(&wanted), "{wanted} in {report}");
+    assert!(
+        report.contains(&format!("  {wanted}\n")),
+        "{wanted} in {report}"
+    );
+    let sentences = ball(&place)["not_found"].clone();
+    assert_eq!(
+        (&sentences[1], &sentences[2]),
+        (&Value::from(wanted), &Value::Null)
+    );
     // Nothing else needs an explanation.
     assert!(!report.contains("frames, "), "{report}");
     assert!(!report.contains("next: run"), "{report}");
@@ -96,6 +109,21 @@ fn without_its_colours_a_target_is_never_found_and_the_run_says_why() {
         "docs/not-found.md",
     ] {
         assert!(run.stderr.contains(part), "{part:?} in {}", run.stderr);
+    }
+    let sentences = ball(&place)["not_found"].clone();
+    let sentences: Vec<&str> = sentences
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|one| one.as_str().unwrap())
+        .collect();
+    assert_eq!(sentences.len(), 2);
+    for sentence in sentences {
+        assert!(
+            run.stderr.contains(&format!("{sentence}\n")),
+            "{sentence} in {}",
+            run.stderr
+        );
     }
     let unexplained = place.track(&scene);
     let next = "next: run `pardalis track scene.toml --explain --annotate`, look";

@@ -1,5 +1,6 @@
 // Step 6: the run.
 
+import { MEANINGS } from "pardalis/tracks.js";
 import { ask } from "../connection.js";
 import { button, disclosure, el, fixed } from "../elements.js";
 import { drawMarks } from "../picture.js";
@@ -92,7 +93,7 @@ function targetRow({ name, state, confidence, position_m: at, sigma_m: sigma }) 
   return el(
     "section",
     { class: "target", "data-target": name },
-    el("h3", {}, name, " ", el("span", { class: `state ${COLORS[state] ?? ""}` }, state)),
+    el("h3", {}, name, " ", el("span", { class: `state ${COLORS[state] ?? ""}`, title: MEANINGS[state] }, state)),
     el("p", { class: "confidence" }, meter, ` ${Math.round(100 * confidence)} % certain`),
     el("table", {}, el("thead", {}, el("tr", {}, ["", "in m", "± 2σ"].map((head) => el("th", { scope: "col" }, head)))), axes),
   );

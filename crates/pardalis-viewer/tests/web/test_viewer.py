@@ -79,6 +79,26 @@ def test_a_report_shows_the_scene_and_loads_nothing(report, open_page):
     assert "tracking" in page.locator('[data-value="state"]').inner_text()
     assert page.locator(".pv-image").evaluate("(image) => image.naturalWidth") == 480
     assert f"{FRAMES}" in page.locator("#summary").inner_text()
+    assert page.locator(".pv-missed").count() == 0
+
+
+def test_a_report_says_what_states_mean_and_why_a_target_was_missing(pardalis, tmp_path, open_page):
+    scene = (REPOSITORY / "data/dioptric-jump/scene.toml").read_text()
+    scene = scene.replace("../colors/orange-ball", f"{REPOSITORY}/data/colors/pink-ball").replace('"frames"', f'"{REPOSITORY}/data/dioptric-jump/frames"')
+    (tmp_path / "pink.toml").write_text(scene)
+    pardalis("track", tmp_path / "pink.toml", "-o", tmp_path / "out", "--frames", 6, "--no-plots", "--report")
+    page = open_page((tmp_path / "out/report.html").as_uri())
+    said = page.locator(".pv-missed")
+    assert "ball was not found in frames 0 to 5" in said.inner_text()
+    assert "in 6 of these 6 frames, nothing in the image has its colours" in said.locator("li").inner_text()
+    # The floor below a camera alone is some metres wide.
+    step = page.evaluate("""async () => {
+        const { extentOf } = await import("pardalis/extent.js");
+        return extentOf(JSON.parse(document.getElementById("data").textContent).scene, []).step;
+    }""")
+    assert 0.2 <= step <= 1
+    page.get_by_text("What states mean").press("Enter")
+    assert "searching\nnot found yet" in page.locator(".pv-meanings dl").inner_text()
 
 
 def test_slider_and_keys_show_the_rows_of_their_time(report, open_page):

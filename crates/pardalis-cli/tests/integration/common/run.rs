@@ -97,11 +97,23 @@ pub(crate) fn wait_for_lines(child: &mut Child, path: &Path, count: usize) {
     panic!("it wrote {} of {count} lines", written());
 }
 
-/// Interrupts a running program as Ctrl-C does, and returns how it ends.
+/// Interrupts a running program, and returns how it ends.
 pub(crate) fn interrupt(child: Child) -> Run {
+    let id = child.id();
+    interrupted(child, &id.to_string())
+}
+
+/// Interrupts a running program that leads a process group, and all programs of this group, as Ctrl-C in a terminal does.
+/// Returns how it ends.
+pub(crate) fn interrupt_group(child: Child) -> Run {
+    let id = child.id();
+    interrupted(child, &format!("-{id}"))
+}
+
+fn interrupted(child: Child, target: &str) -> Run {
     // The shell's built-in kill, because the program of that name is not installed everywhere.
     let sent = Command::new("/bin/sh")
-        .args(["-c", &format!("kill -INT {}", child.id())])
+        .args(["-c", &format!("kill -s INT -- {target}")])
         .status()
         .unwrap();
     assert!(sent.success());

@@ -1,9 +1,11 @@
 //! An ffmpeg that hangs, dies, floods the program with messages, or cannot be started.
 
 use std::fs;
+use std::os::unix::process::CommandExt as _;
+use std::process::Stdio;
 
 use super::camera::{Cameras, SIZE_PX, Stream, ball};
-use crate::common::run::{interrupt, wait_for_lines};
+use crate::common::run::{interrupt, interrupt_group, wait_for_lines};
 use crate::common::{Run, rows_in};
 
 const FRAMES: usize = 6;
@@ -58,6 +60,20 @@ fn ctrl_c_ends_a_wait_for_an_ffmpeg_that_hangs_in_a_file() {
     let wanted = "error: interrupted after 6 frames; the rows written so far are complete";
     assert!(run.stderr.starts_with(wanted), "{}", run.stderr);
     assert!(rows_in(&fs::read_to_string(tracks).unwrap()).len() == FRAMES);
+}
+
+/// A terminal interrupts all that was started with the program. An ffmpeg that ended by itself would look like a camera that failed.
+#[test]
+fn ctrl_c_in_a_terminal_does_not_reach_ffmpeg() {
+    let rest = "trap 'echo > interrupted' INT\necho > ready\nwhile :; do sleep 0.01; done";
+    let cameras = stream_then(rest, 1, "");
+    let mut command = cameras.command(cameras.scene());
+    let command = command.process_group(0).stdout(Stdio::piped());
+    let mut program = command.stderr(Stdio::piped()).spawn().unwrap();
+    wait_for_lines(&mut program, &cameras.place.path("ready"), 1);
+    wait_for_lines(&mut program, &cameras.place.path("out/tracks.csv"), FRAMES);
+    interrupt_group(program).fine();
+    assert!(!cameras.place.path("interrupted").exists());
 }
 
 #[test]
