@@ -7,6 +7,13 @@ use crate::output::{self, note};
 #[error("{0}")]
 pub(crate) struct UserError(pub(crate) String);
 
+/// An address that sends single JPEG images, which the scene does not say.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{0}: sends single JPEG images without time stamps; give input.format = \"mpjpeg\", so that each gets the time of its arrival"
+)]
+pub(crate) struct SingleImages(pub(crate) String);
+
 /// Formats an `anyhow::Error` that ends the program with exit code 2.
 macro_rules! user_error {
     ($($argument:tt)*) => { anyhow::Error::new($crate::user_error::UserError(format!($($argument)*))) };
@@ -32,6 +39,6 @@ pub(crate) fn exit_code_of(outcome: &anyhow::Result<()>) -> u8 {
     note(format_args!("error: {error:#}"));
     let users = error
         .chain()
-        .any(|e| e.is::<UserError>() || e.is::<pardalis_core::Error>());
+        .any(|e| e.is::<UserError>() || e.is::<SingleImages>() || e.is::<pardalis_core::Error>());
     if users { 2 } else { 1 }
 }

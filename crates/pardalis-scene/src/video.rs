@@ -175,27 +175,25 @@ impl VideoFormat {
 impl VideoInput {
     /// Returns how long to try to open this again after it has ended or failed, in seconds.
     pub fn reopen_s(&self) -> f64 {
-        let default_s = match self.place {
-            VideoPlace::Device(_)
-            | VideoPlace::Address(Protocol::Rtsp | Protocol::Rtp | Protocol::Udp, _) => REOPEN_S,
-            // A part of a stream has an end.
-            _ => 0.0,
-        };
-        let is_part = self.settings.duration_s.is_some();
-        let default_s = if is_part { 0.0 } else { default_s };
+        // A part of a stream has an end.
+        let goes_on = self.is_camera() && self.settings.duration_s.is_none();
+        let default_s = if goes_on { REOPEN_S } else { 0.0 };
         self.settings.reopen_s.unwrap_or(default_s)
     }
 
-    /// Returns what happens to waiting frames while tracking is slower than this live source: cameras go on, and what may be a recording waits.
-    pub fn when_behind(&self) -> WhenBehind {
-        let is_camera = self.settings.real_time
-            || self.settings.format == Some(VideoFormat::Mpjpeg)
+    /// Reports whether this is a camera, and cannot be a recording that somebody serves.
+    fn is_camera(&self) -> bool {
+        self.settings.format == Some(VideoFormat::Mpjpeg)
             || matches!(
                 self.place,
                 VideoPlace::Device(_)
                     | VideoPlace::Address(Protocol::Rtsp | Protocol::Rtp | Protocol::Udp, _)
-            );
-        let default = if is_camera {
+            )
+    }
+
+    /// Returns what happens to waiting frames while tracking is slower than this live source: cameras go on, and what may be a recording waits.
+    pub fn when_behind(&self) -> WhenBehind {
+        let default = if self.settings.real_time || self.is_camera() {
             WhenBehind::Drop
         } else {
             WhenBehind::Wait
@@ -303,7 +301,7 @@ pub(super) fn read_settings(camera: &Table) -> Option<VideoSettings> {
                         "How long to try to open a device or stream again that has ended, failed or given no frame for `timeout_s`; 0 for never.",
                     )
                     .within(0.0..=1e9)
-                    .depends("60 for devices, `rtsp`, `rtp` and `udp`; 0 for `tcp`, `http` and `https`, whose streams may have an end")
+                    .depends("60 for devices, `rtsp`, `rtp`, `udp` and the format `mpjpeg`; 0 for others of `tcp`, `http` and `https`, which may have an end")
                     .optional(),
                 real_time: table
                     .key(

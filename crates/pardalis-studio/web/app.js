@@ -97,6 +97,9 @@ const app = {
 /** The next order to each camera that one is under way to, or null. */
 const orders = new Map();
 
+/** What was said of each request that failed last time. */
+const failures = new Map();
+
 /** The answer to the last edit that was asked for. */
 let lastEdit = Promise.resolve();
 
@@ -104,10 +107,12 @@ async function edit(request, value) {
   document.body.classList.add("busy");
   try {
     const answer = await ask(request, value);
+    failures.get(request)?.remove();
     if (answer.cameras) app.take(answer);
     return answer;
   } catch (error) {
-    say(error.message, true);
+    failures.get(request)?.remove();
+    failures.set(request, say(error.message, true));
     return null;
   } finally {
     document.body.classList.remove("busy");
@@ -179,7 +184,7 @@ function renderSteps() {
 function renderPictures() {
   const { cameras } = app.state;
   const shown = app.step.showsAll ? cameras : cameras.filter(({ name }) => name === app.camera);
-  const key = JSON.stringify([app.step.id, shown.map(({ name }) => name), app.step.pictureKey?.(app), Boolean(app.state.run)]);
+  const key = JSON.stringify([app.step.id, [cameras, shown].map((list) => list.map(({ name }) => name)), app.step.pictureKey?.(app), Boolean(app.state.run)]);
   const section = byId("pictures");
   if (section.dataset.key !== key) {
     section.dataset.key = key;

@@ -24,8 +24,8 @@ export function field(name, input, hint = null) {
   return el("label", { class: "field" }, el("span", {}, name), input, hint && el("small", {}, hint));
 }
 
-/** Selects the number in a field at the click that goes to it, to be typed over. */
-function selectAtFirst(input) {
+/** Selects what is in a field at the click that goes to it, to be typed over. */
+export function selectAtFirst(input) {
   let isNew = false;
   input.addEventListener("focus", () => { isNew = true; });
   input.addEventListener("click", () => {
@@ -55,6 +55,11 @@ export function choice(options, value, onchange, attributes = {}) {
 /** Formats a number with this many decimals; a dash if there is none. */
 export function fixed(value, decimals) {
   return Number.isFinite(value) ? value.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1") : "–";
+}
+
+/** Formats a point in time: of live cameras, which count from 1970, as the time of the day. */
+export function instant(time_s) {
+  return time_s > 1e8 ? `${new Date(1000 * time_s).toISOString().slice(11, 22)} UTC` : `${fixed(time_s, 2)} s`;
 }
 
 /** Replaces the children of an element and keeps the focus, and what is being typed, in the element of the same id. */

@@ -1,7 +1,7 @@
 // Two runs of the same recording: their main figures, and what differs.
 import { theme } from "pardalis/colors.js";
 import { element } from "pardalis/dom.js";
-import { number, seconds, shortLength, signed } from "pardalis/format.js";
+import { instant, number, shortLength, signed } from "pardalis/format.js";
 
 /** Returns the line by which a run is known: solid for the first, dashed for the second. */
 export function runSwatch(run) {
@@ -37,7 +37,7 @@ export class ComparisonTable {
   #distance(distance, units) {
     if (!distance) return element("p", { class: "pv-distance" }, "There is no time at which both see it.");
     const { times, median_m, largest_m, largest_at_s } = distance;
-    const show = element("button", { type: "button", title: "Show this time", onclick: () => this.pick(largest_at_s) }, seconds(largest_at_s));
+    const show = element("button", { type: "button", title: "Show this time", onclick: () => this.pick(largest_at_s) }, instant(largest_at_s));
     return element("p", { class: "pv-distance" }, "Distance between both: median ", element("b", {}, shortLength(median_m, units)),
       ", largest ", element("b", {}, shortLength(largest_m, units)), " at ", show, `, of ${times} times`);
   }

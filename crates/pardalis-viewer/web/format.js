@@ -43,6 +43,31 @@ export function seconds(value) {
   return number(value, 3) + " s";
 }
 
+/** Points in time later than this count from long ago, such as those of live cameras: since 1970. */
+const LONG_AGO_S = 1e6;
+
+/** The point in time that is shown as 0 s. */
+let origin_s = 0;
+
+/** Shows points in time that count from long ago since the first one, in whole seconds. Returns what 0 s then stands for; null if that is what it says. */
+export function setOrigin(first_s) {
+  origin_s = first_s > LONG_AGO_S ? Math.floor(first_s) : 0;
+  if (origin_s === 0) return null;
+  const is1970 = origin_s > 1e8;
+  return is1970 ? new Date(1000 * origin_s).toISOString().replace("T", " ").replace(".000Z", " UTC") : `${origin_s} s`;
+}
+
+/** Returns a point in time. */
+export function instant(time_s) {
+  return seconds(time_s - origin_s);
+}
+
+/** Returns a tick of an axis of points in time, this far from the next one. */
+export function timeTick(time_s, step_s) {
+  // Differences of numbers as large as seconds since 1970 are not round.
+  return tick(time_s - origin_s, Number(step_s.toPrecision(4))) + " s";
+}
+
 /** Returns round steps of about a `count`-th of a span: 1, 2 or 5 times a power of ten. */
 export function roundStep(span, count) {
   const rough = Math.max(span / count, 1e-12);

@@ -1,6 +1,6 @@
 // The images of the present time, of one camera.
 import { element, setPressed } from "pardalis/dom.js";
-import { seconds } from "pardalis/format.js";
+import { instant } from "pardalis/format.js";
 import { lastAtOrBefore } from "pardalis/tracks.js";
 
 /** Images come from a page or its server: nothing else is loaded. */
@@ -46,7 +46,7 @@ export class Pictures {
     if (!ALLOWED.test(url) || this.shown === url) return;
     this.shown = url;
     this.image.src = url;
-    this.image.alt = `Image of ${this.camera} at ${seconds(own.times[at])}`;
-    this.caption.textContent = `${this.camera}, ${seconds(own.times[at])}`;
+    this.image.alt = `Image of ${this.camera} at ${instant(own.times[at])}`;
+    this.caption.textContent = `${this.camera}, ${instant(own.times[at])}`;
   }
 }

@@ -2,7 +2,7 @@
 import uPlot from "uplot";
 import { onThemeChange, theme } from "pardalis/colors.js";
 import { css, element } from "pardalis/dom.js";
-import { lengthDecimals, number, tick } from "pardalis/format.js";
+import { lengthDecimals, number, tick, timeTick } from "pardalis/format.js";
 import { Track } from "pardalis/tracks.js";
 
 const HEIGHT_PX = 132;
@@ -100,7 +100,7 @@ export class Plots {
       cursor: { y: false, points: { show: false }, sync: { key: this.#key(), setSeries: false } },
       scales: { x: { time: false }, y: { range: kind.range ? () => [-0.04, 1.04] : (_, low, high) => spanned(low, high, kind.span) } },
       axes: [
-        { ...axis, size: 24, gap: 3, values: (_, ticks) => ticks.map((at) => tick(at, ticks[1] - ticks[0] || Math.abs(at) || 1) + " s") },
+        { ...axis, size: 24, gap: 3, values: (_, ticks) => ticks.map((at) => timeTick(at, ticks[1] - ticks[0] || Math.abs(at) || 1)) },
         { ...axis, size: GUTTER_PX, gap: 4, values: (_, ticks) => ticks.map((at) => tick(at, ticks[1] - ticks[0] || Math.abs(at) || 1)) },
       ],
       series: [{}, ...series],

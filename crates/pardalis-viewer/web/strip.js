@@ -2,7 +2,7 @@
 import { onThemeChange, theme } from "pardalis/colors.js";
 import { runSwatch } from "pardalis/comparison.js";
 import { css, element, setPressed } from "pardalis/dom.js";
-import { roundStep, tick } from "pardalis/format.js";
+import { roundStep, timeTick } from "pardalis/format.js";
 
 const ROW_PX = 18;
 const AXIS_PX = 20;
@@ -82,7 +82,7 @@ export class Strip {
     paint.font = "11px system-ui, sans-serif";
     paint.textBaseline = "top";
     for (let at = Math.ceil(first / step); at * step <= last; at++) {
-      const text = tick(at * step, step) + " s";
+      const text = timeTick(at * step, step);
       const x = this.#x(at * step);
       paint.textAlign = x < 20 ? "left" : x > width - 20 ? "right" : "center";
       paint.fillText(text, x, top + 5);

@@ -1,6 +1,6 @@
 // The present time: slider, playing, keys.
 import { element, setPressed } from "pardalis/dom.js";
-import { seconds } from "pardalis/format.js";
+import { instant } from "pardalis/format.js";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 10];
 
@@ -95,7 +95,7 @@ export class Timeline {
     const time_s = this.times[this.index];
     const frame = this.frames[this.index];
     this.slider.value = this.index;
-    this.label.textContent = time_s === undefined ? "no rows" : seconds(time_s);
+    this.label.textContent = time_s === undefined ? "no rows" : instant(time_s);
     const ofFrame = Number.isFinite(frame) ? `, frame ${frame}` : "";
     this.slider.setAttribute("aria-valuetext", this.label.textContent + ofFrame);
     setPressed(this.follow, this.isLive && this.isAtEnd());

@@ -1,7 +1,7 @@
 // The numbers at the present time: of the selected target in full, and a table of all if there are several.
 import { theme } from "pardalis/colors.js";
 import { element } from "pardalis/dom.js";
-import { length, lengthDecimals, number, seconds, shortLength, twoSigma } from "pardalis/format.js";
+import { instant, length, lengthDecimals, number, shortLength, twoSigma } from "pardalis/format.js";
 import { STATES } from "pardalis/tracks.js";
 
 export class Values {
@@ -32,7 +32,7 @@ export class Values {
     const at = (column) => (row < 0 ? NaN : track[column][row]);
     const state = row < 0 ? null : track.state[row];
     const dot = state === null ? "" : element("i", { class: "pv-dot", style: `background: ${theme().states[state]}` });
-    const facts = [["time", Number.isFinite(frame) ? `frame ${frame}` : "", seconds(time_s)]];
+    const facts = [["time", Number.isFinite(frame) ? `frame ${frame}` : "", instant(time_s)]];
     if (track) facts.push(["state", dot, state === null ? "not there" : STATES[state]]);
     facts.push(["confidence", "", number(at("confidence"), 3)]);
     if (other) facts.push(["runs apart", "", shortLength(apart(track, other, time_s), units)]);

@@ -70,6 +70,7 @@
 import { CONFIDENCE_GRADIENT, onThemeChange, theme } from "pardalis/colors.js";
 import { ComparisonTable, runSwatch } from "pardalis/comparison.js";
 import { element, setPressed } from "pardalis/dom.js";
+import { setOrigin } from "pardalis/format.js";
 import { Pictures } from "pardalis/pictures.js";
 import { Plots } from "pardalis/plots.js";
 import { createStage, VIEWS } from "pardalis/stage.js";
@@ -104,7 +105,7 @@ export class Viewer {
   setTracks(tracks) {
     this.tracks = new Tracks();
     this.tracks.append(tracks);
-    this.selected = undefined;
+    this.selected = this.origin = undefined;
     this.#refreshTracks();
     // The end: the whole trail.
     this.#showIndex(this.times.length - 1);
@@ -213,7 +214,8 @@ export class Viewer {
   }
 
   #plot() {
-    this.plots.setTracks(this.#runs().map((tracks) => tracks.all.get(this.selected)), this.scene.units);
+    this.plotted = this.#runs().map((tracks) => tracks.all.get(this.selected));
+    this.plots.setTracks(this.plotted, this.scene.units);
   }
 
   /** Returns what the colours of trails mean. */
@@ -230,12 +232,11 @@ export class Viewer {
   #refreshTracks() {
     const runs = this.#runs();
     Object.assign(this, runs.length > 1 ? joinedTimes(...runs) : { times: this.tracks.times, frames: this.tracks.frames });
-    if (!runs.some((tracks) => tracks.all.has(this.selected))) {
-      this.selected = runs.flatMap((tracks) => [...tracks.all.keys()])[0];
-      this.#plot();
-    } else {
-      this.plots.refresh();
-    }
+    if (this.origin === undefined && this.times.length > 0) this.origin = setOrigin(this.times[0]);
+    if (!runs.some((tracks) => tracks.all.has(this.selected))) this.selected = runs.flatMap((tracks) => [...tracks.all.keys()])[0];
+    // Of two runs, the rows of one may come later.
+    if (runs.some((tracks, run) => tracks.all.get(this.selected) !== this.plotted?.[run])) this.#plot();
+    else this.plots.refresh();
     this.timeline.setTimes(this.times, this.frames);
     this.strip.setTracks(runs, this.selected);
     this.comparisonTable.show(this.comparison, this.selected, this.scene.units);
@@ -285,15 +286,16 @@ export class Viewer {
     const states = STATES.map((state, code) => element("span", {}, element("i", { class: "pv-dot", style: `background: ${theme().states[code]}` }), state));
     const ramp = element("span", {}, "confidence 0", element("i", { class: "pv-ramp", style: `background: ${CONFIDENCE_GRADIENT}` }), "1");
     const runs = this.comparison ? this.comparison.names.map((name, run) => element("span", {}, runSwatch(run), name)) : [];
-    this.legendHost.replaceChildren(element("h2", {}, "States"), ...states, ...(this.#coloring() === "confidence" ? [ramp] : []), ...runs);
+    const origin = this.origin ? [element("span", { class: "pv-origin" }, `0 s is ${this.origin}`)] : [];
+    this.legendHost.replaceChildren(element("h2", {}, "States"), ...states, ...(this.#coloring() === "confidence" ? [ramp] : []), ...runs, ...origin);
   }
 
   #key(event) {
     const { target } = event;
-    const isOwn = target === document.body || this.root.contains(target);
+    const isOwn = target === document.body || this.root.contains(target) || target.closest("#summary");
     if (!isOwn || event.ctrlKey || event.altKey || event.metaKey || target.matches("textarea, select, input:not(.pv-slider)")) return;
-    // A button is pressed by the space bar.
-    if (event.key === " " && target.matches("button")) return;
+    // What can be pressed is, by the space bar.
+    if (event.key === " " && target.matches("button, summary")) return;
     const view = Object.keys(VIEWS)[Number(event.key) - 1];
     if (view && this.stage) this.#setView(view);
     if ((view && this.stage) || this.timeline.key(event)) event.preventDefault();

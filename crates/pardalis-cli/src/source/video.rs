@@ -17,7 +17,7 @@ use super::probed::ProbedStream;
 use super::running::{Running, Watchdog};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
 use crate::interrupt::Stop;
-use crate::user_error::user_error;
+use crate::user_error::{SingleImages, user_error};
 
 /// Formats without time stamps that ffmpeg recognises, and for which it assumes a frame rate.
 const RAW_FORMATS: [&str; 3] = ["h264", "hevc", "mjpeg"];
@@ -77,10 +77,7 @@ impl VideoFrames {
             let (decode, stream, size_px) = live::open(programs, video, stop)?;
             check_size(input, size_px)?;
             if stream.format_name == "mpjpeg" && video.settings.format.is_none() {
-                return Err(user_error!(
-                    "{input}: sends single JPEG images without time stamps; give input.format = \"mpjpeg\", so that each gets the \
-                     time of its arrival"
-                ));
+                return Err(SingleImages(input.to_owned()).into());
             }
             let layout = Layout::of_live(input, &stream, encoding)?;
             (stream, layout, size_px, decode)

@@ -11,6 +11,8 @@ use super::{Instant, Sink};
 
 /// Number of reasons reported for each target.
 const REPORTED_REASONS: usize = 3;
+/// An outline that is the target's by so much hides what ruled out others. Real balls have 5 to 25 nats (docs/not-found.md).
+const LIKELY_NATS: f64 = 5.0;
 /// Number of ranges of frames reported for each target.
 const REPORTED_RANGES: usize = 6;
 
@@ -20,7 +22,7 @@ pub(crate) struct MissedFrames {
     are_boxed: Vec<bool>,
     /// One count per verdict, in the order of [`Verdict::ALL`].
     targets: Vec<[usize; Verdict::ALL.len()]>,
-    /// The same for the frames that follow others in which the target was in an image, and the number of these.
+    /// The same, but only of a candidate that looks like the target where there is one, for the frames that follow others in which the target was in an image, and the number of these.
     unexplained: Vec<([usize; Verdict::ALL.len()], usize)>,
     ranges: Vec<Ranges>,
     /// Where the latest position of each target was out of all images; that of a crowd's members says nothing.
@@ -221,18 +223,16 @@ impl Sink for MissedFrames {
             } else {
                 let exit = self.exits[number];
                 self.ranges[number].add(instant.index, exit);
-                let reasons = reasons(instant.tracker, TargetId::new(number))?;
+                let candidates = ruled_out(instant.tracker, TargetId::new(number))?;
                 let (unexplained, frames) = &mut self.unexplained[number];
+                let counts = self.targets[number].iter_mut().zip(unexplained);
+                let likely = likely(&candidates);
                 *frames += usize::from(exit.is_none());
-                let counts = self.targets[number]
-                    .iter_mut()
-                    .zip(unexplained)
-                    .zip(Verdict::ALL);
-                for ((all, unexplained), _) in
-                    counts.filter(|(_, verdict)| reasons.contains(verdict))
-                {
-                    *all += 1;
-                    *unexplained += usize::from(exit.is_none());
+                for ((all, unexplained), verdict) in counts.zip(Verdict::ALL) {
+                    let has = candidates.iter().any(|one| one.verdict == verdict);
+                    *all += usize::from(has);
+                    let is_reason = likely.map_or(has, |likely| likely == verdict);
+                    *unexplained += usize::from(is_reason && exit.is_none());
                 }
             }
         }
@@ -240,10 +240,9 @@ impl Sink for MissedFrames {
     }
 }
 
-/// Returns the verdicts that ruled out candidates of a target (of its first missing landmark) in the latest frames, the last
-/// test first; none for targets that the tracker does not search for. Predictions count only if there are no other
-/// candidates.
-pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict>> {
+/// Returns the candidates of a target (of its first missing landmark) that were ruled out in the latest frames; none for targets that the tracker does not
+/// search for. Predictions count only if there are no other candidates.
+fn ruled_out(tracker: &Tracker, target: TargetId) -> Result<Vec<&Candidate>> {
     let bodies = tracker.bodies_at(target, tracker.time_s().unwrap_or(0.0))?;
     let of_bodies = tracker.candidates(target)?.zip(bodies);
     let mut missing = of_bodies.filter(|(candidates, body)| {
@@ -253,13 +252,26 @@ pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict
     let candidates = missing.next().map_or(&[][..], |(candidates, _)| candidates);
     let is_seen = |candidate: &Candidate| candidate.origin != Origin::Prediction;
     let has_seen = candidates.iter().any(is_seen);
-    let ruled_out = |verdict: &Verdict| {
-        let is_ruled_out =
-            |candidate: &Candidate| candidate.verdict == *verdict && is_seen(candidate) == has_seen;
-        let says_why = !matches!(verdict, Verdict::SamePlace | Verdict::Target);
-        says_why && candidates.iter().any(is_ruled_out)
-    };
-    Ok(Verdict::ALL.into_iter().rev().filter(ruled_out).collect())
+    let says_why = |verdict| !matches!(verdict, Verdict::SamePlace | Verdict::Target);
+    let counts = |one: &&Candidate| is_seen(one) == has_seen && says_why(one.verdict);
+    Ok(candidates.iter().filter(counts).collect())
+}
+
+/// Returns the verdicts that ruled out candidates of a target in the latest frames, the last test first.
+pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict>> {
+    let candidates = ruled_out(tracker, target)?;
+    let is_reason = |verdict: &Verdict| candidates.iter().any(|one| one.verdict == *verdict);
+    Ok(Verdict::ALL.into_iter().rev().filter(is_reason).collect())
+}
+
+/// Returns what ruled out the candidate whose outline looks most like the target's, if it does: only that matters then.
+fn likely(candidates: &[&Candidate]) -> Option<Verdict> {
+    let outlines = candidates
+        .iter()
+        .filter_map(|one| Some((one.outline_nats?, one.verdict)));
+    let likeliest = outlines.max_by(|(a, _), (b, _)| a.total_cmp(b));
+    let (_, verdict) = likeliest.filter(|(outline_nats, _)| *outline_nats >= LIKELY_NATS)?;
+    Some(verdict)
 }
 
 /// Says what ruled out a candidate, as a clause; of a target that another program detects if it `is_boxed`.

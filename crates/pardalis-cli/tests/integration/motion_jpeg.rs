@@ -54,7 +54,7 @@ fn images_without_time_stamps_get_the_time_of_their_arrival() {
             place.track(scene)
         })
     };
-    let run = track("input.format = \"mpjpeg\"\ninput.when_behind = \"wait\"");
+    let run = track("input.format = \"mpjpeg\"\ninput.when_behind = \"wait\"\ninput.reopen_s = 0");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let rows = place.rows();
     assert_eq!(rows.len(), FRAMES);

@@ -1,5 +1,6 @@
 //! What `pardalis studio` says on the terminal.
 
+use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Command, Stdio};
 
@@ -65,6 +66,14 @@ fn problems_of_a_scene_are_named_and_what_was_only_given_is_not_missed() {
         text.contains("fsp") && text.contains("The page shows"),
         "{text}"
     );
+    // The same command as yesterday.
+    place.write("scene.toml", SCENE);
+    let text = said(&place, &["./images"]);
+    assert!(
+        text.contains("./images is in scene.toml already."),
+        "{text}"
+    );
+    fs::remove_file(place.path("scene.toml")).unwrap();
     for arguments in [&[][..], &["images"], &["-o", "new.toml"]] {
         let text = said(&place, arguments);
         assert!(!text.contains("warning"), "{arguments:?}: {text}");

@@ -126,6 +126,9 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
     expect(comparison.locator(".pv-distance")).to_contain_text(f"median {1000 * (apart[54] + apart[55]) / 2:.0f} mm, largest {1000 * apart[-1]:.0f} mm")
     # A smaller ball that looks as large is nearer to the camera.
     assert apart[0] > 0.1
+    # Both are in the plots, although the rows of the last run came after the comparison.
+    for value in page.locator("#viewer .pv-plot").filter(has_text="m)").all():
+        expect(value).to_contain_text(re.compile(r"\d\.\d+ · .?\d\.\d+"))
     # The same figures as `pardalis view` of the two folders.
     run("view", "scene-tracks", "scene-tracks/earlier/1", "--no-open", folder=jump)
     data = (jump / "scene-tracks/comparison.html").read_text().split('id="data">')[1].split("</script>")[0]
@@ -156,6 +159,22 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
     track(page)
     assert rows_of(jump / "scene-tracks") == first
     expect(page.locator("#compare-with option")).to_have_count(3)
+
+
+
+def test_a_run_right_after_a_change_is_compared_with_the_one_before(studio, jump):
+    one = studio("scene.toml", folder=jump)
+    page = one.page
+    one.step("track")
+    track(page)
+    page.click("#settings summary")
+    for seed in (7, 8):
+        # The edit is on its way when the button is pressed.
+        page.fill("#seed", str(seed))
+        track(page)
+        expect(page.locator("#compare-with option:checked")).to_contain_text(f"seed {1 if seed == 7 else 7}")
+        expect(page.locator("#viewer .pv-comparison")).to_contain_text("change")
+    expect(page.locator(".message.error")).to_have_count(0)
 
 
 def test_wrong_settings_and_runs_are_refused_with_their_remedy(studio, jump):

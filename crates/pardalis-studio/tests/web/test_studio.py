@@ -4,13 +4,16 @@
 """
 
 import csv
+import itertools
 import json
 import os
 import re
 import shutil
 import socket
 import subprocess
+import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -653,6 +656,75 @@ def middle_of(page, camera, color):
         }""",
         [camera, color],
     )
+
+
+@pytest.fixture
+def single_images():
+    """The address of a camera that sends single JPEG images over HTTP, as most network cameras and phones do."""
+    images = [path.read_bytes() for path in sorted((DATA / "webcams-two/frames/cam1").iterdir())]
+
+    class Camera(BaseHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+        def do_GET(self):
+            self.send_response(200)
+            self.send_header("Content-Type", "multipart/x-mixed-replace;boundary=frame")
+            self.end_headers()
+            try:
+                for image in itertools.cycle(images):
+                    self.wfile.write(b"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%s\r\n" % (len(image), image))
+                    time.sleep(0.04)
+            except OSError:
+                pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Camera)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}/video"
+    server.shutdown()
+
+
+def test_a_camera_of_single_images_needs_only_its_address(studio, single_images):
+    one = studio()
+    page = one.page
+    page.fill("#address", single_images)
+    page.keyboard.press("Enter")
+    expect(page.locator("figure .live")).to_have_count(1)
+    text = one.ask("state")["text"]
+    assert f'video = "{single_images}"' in text and '\ninput.format = "mpjpeg"\n' in text
+    expect(page.locator(".message.error")).to_have_count(0)
+
+
+def test_colours_of_a_file_are_learnt_anew(studio, tmp_path):
+    scene = (DATA / "dioptric-jump/scene.toml").read_text()
+    (tmp_path / "scene.toml").write_text(scene.replace('"frames"', f'"{DATA / "dioptric-jump/frames"}"').replace("../colors", str(DATA / "colors")))
+    one = studio("scene.toml")
+    page = one.page
+    one.step("colors")
+    page.click("#learn-anew")
+    expect(page.locator("#panel .hint")).to_contain_text("Click ball")
+    truth = truth_of("dioptric-jump")[0]
+    page.mouse.click(*one.at("cam1", [float(truth["u_px"]), float(truth["v_px"])], (640, 480)))
+    expect(page.locator("#labels li")).to_have_count(1)
+    assert 'colors = "ball.colors.toml"' in one.ask("state")["text"]
+    page.click("#undo")
+    page.click("#undo")
+    expect(page.locator("#learn-anew")).to_be_visible()
+
+
+def test_names_may_be_typed_with_spaces_and_tabs_follow_the_cameras(studio, tmp_path):
+    shutil.copytree(DATA / "webcams-two/frames", tmp_path / "desk")
+    one = studio("desk/cam1", "desk/cam2")
+    page = one.page
+    one.step("colors")
+    page.click("#new-target")
+    page.keyboard.type("pink ball")
+    page.keyboard.press("Enter")
+    expect(page.locator("#panel .hint")).to_contain_text("Click pink-ball")
+    # What a camera leaves is no tab.
+    expect(page.locator("#tab-camera-2")).to_be_visible()
+    one.ask("remove", {"kind": "cameras", "name": "camera-2"})
+    expect(page.locator("#tab-camera-2")).to_be_hidden()
 
 
 def test_two_live_cameras_become_a_scene_in_25_clicks(studio, tmp_path, streams):

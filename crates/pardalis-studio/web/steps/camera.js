@@ -75,11 +75,11 @@ export const camera = {
     return [
       head,
       el("h3", {}, "Angle of view"),
-      el("p", {}, "Between the left and the right edge of the image. Webcams have 50° to 75°, phones about 65°."),
+      el("p", {}, "The angle that the longer side of the image covers. Webcams have 50° to 75°, phones about 65°."),
       el(
         "form",
         { class: "row", onsubmit: (event) => { event.preventDefault(); app.change("set_fov", { camera: one.name, fov_deg: Number(fov.value) }); } },
-        field("Degrees across the longer side", fov),
+        field("Degrees", fov),
         el("button", { type: "submit", id: "set-fov" }, "Set"),
       ),
       el("h3", {}, "Calibration file"),

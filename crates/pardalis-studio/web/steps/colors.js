@@ -1,7 +1,7 @@
 // Step 4: what each target looks like.
 
 import { ask } from "../connection.js";
-import { button, choice, disclosure, el } from "../elements.js";
+import { button, choice, disclosure, el, selectAtFirst } from "../elements.js";
 import { drawOutline, drawText } from "../picture.js";
 
 /** The share of the background that is usually taken for an object at most. Hand-set. */
@@ -43,6 +43,10 @@ function label(app, what) {
   app.change("label", { camera: app.camera, target: app.target, ...what }).then((answer) => answer && mark(app));
 }
 
+function addTarget(app, name) {
+  app.change("add_target", { name }).then((answer) => answer && app.select("target", name));
+}
+
 export const colors = {
   id: "colors",
   title: "Colours",
@@ -55,7 +59,9 @@ export const colors = {
     if (!target) return "Give the object a name first.";
     if (!target.samples.length) return target.has_colors ? "The colours are known." : isBall(target) ? `Click ${target.name} in the picture, or drag a box around it.` : `Drag a box closely around ${target.name}.`;
     const again = isBall(target) ? "click there, too" : "drag a box there, too";
-    return `The white line is the outline that was found. Go to frames with other light or distance, and ${again}: three or four are enough.`;
+    const isLive = app.state.cameras.some(({ source }) => source?.is_live);
+    const others = isLive ? "Hold pictures with other light or distance, also of other cameras" : "Go to frames with other light or distance";
+    return `The white line is the outline that was found. ${others}, and ${again}: three or four are enough.`;
   },
   picture: (app, name) => ({
     help: "Arrows move a cross, Enter points at the object, B begins and ends a box.",
@@ -84,9 +90,10 @@ export const colors = {
   render(app) {
     const { targets } = app.state;
     const name = el("input", { type: "text", id: "new-target", value: targets.length ? "" : "ball", spellcheck: "false" });
+    selectAtFirst(name);
     const add = el(
       "form",
-      { class: "row", onsubmit: (event) => { event.preventDefault(); app.change("add_target", { name: name.value.trim() }).then((answer) => answer && app.select("target", name.value.trim())); } },
+      { class: "row", onsubmit: (event) => { event.preventDefault(); addTarget(app, name.value.trim().replace(/\s+/g, "-")); } },
       el("label", { class: "field" }, el("span", {}, targets.length ? "Another object" : "Name of the object"), name),
       el("button", { type: "submit", id: "add-target" }, "Add"),
     );
@@ -106,7 +113,9 @@ export const colors = {
       type: "checkbox", id: "marked", checked: isMarked, disabled: !samples.length,
       onchange: (event) => { isMarked = event.target.checked; asked = null; mark(app); app.render(); },
     });
+    const relearn = () => app.change("learn_anew", { target: target.name }).then((answer) => answer && app.say("The colours are to be learnt anew. Undo goes back to those before."));
     return [
+      !samples.length && target.has_colors && el("p", { class: "row" }, button("Learn them anew", relearn, { id: "learn-anew" })),
       targets.length > 1 && el("label", { class: "field" }, el("span", {}, "Object"), choice(targets.map((one) => [one.name, one.name]), app.target, (name) => app.select("target", name), { id: "target" })),
       samples.length > 0 && [el("h3", {}, `Labels of ${target.name}`), el("ul", { class: "rows", id: "labels" }, samples)],
       doubts.length > 0 && el("p", { class: "bad", id: "doubts" }, doubts.join(" ")),

@@ -31,5 +31,5 @@ export function recordingControl(app) {
   if (!recording?.images) return recording?.error ? el("p", { class: "bad" }, recording.error) : null;
   const isUsed = !hasLive(app);
   const use = () => app.change("use_recording").then((answer) => answer && app.say("The scene has the recording in place of the cameras. Undo goes back to the cameras."));
-  return [recordedText(recording), el("p", {}, el("small", {}, `In the folder ${recording.folder}.`)), !isUsed && button("Use the recording", use, { id: "use-recording" })];
+  return [recordedText(recording), el("p", {}, el("small", {}, `In the folder ${recording.folder}.`)), !isUsed && el("p", {}, button("Use the recording", use, { id: "use-recording" }), el("small", {}, " It takes the place of the cameras in the scene; undo puts them back."))];
 }

@@ -40,11 +40,12 @@ export function replayedNow(app) {
   return app.images.get(longest(app).name)?.about ?? null;
 }
 
-/** `begin` is called when the user moves. */
-export function replayBar(app, begin) {
+/** `begin` is called when the user moves; before that, the bar stands at the end of the run. */
+export function replayBar(app, isReplay, begin) {
   const count = longest(app).source.frame_count;
+  const at = isReplay ? now(app).frame : count - 1;
   const slider = el("input", {
-    type: "range", id: "replay-frame", min: 0, max: count - 1, value: count - 1, "aria-label": "Frame of the run",
+    type: "range", id: "replay-frame", min: 0, max: count - 1, value: at, "aria-label": "Frame of the run",
     oninput: () => { begin(); goTo(app, Number(slider.value)); },
   });
   const toggle = button("▶ Replay", () => {
@@ -52,7 +53,7 @@ export function replayBar(app, begin) {
     if (toggle.dataset.plays === "yes") pause(app);
     else play(app, Number(slider.value));
   }, { id: "replay-play" });
-  return el("div", { id: "replay" }, toggle, slider, el("span", { class: "number-of-frame" }, `${count - 1} / ${count - 1}`));
+  return el("div", { id: "replay" }, toggle, slider, el("span", { class: "number-of-frame" }, `${at} / ${count - 1}`));
 }
 
 /** Follows the frame that is shown. */

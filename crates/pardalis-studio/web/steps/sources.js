@@ -88,7 +88,7 @@ export const sources = {
         el("button", { type: "submit" }, "Add"),
       ),
       el("h3", {}, "Recordings"),
-      folder && el("p", { class: "folder" }, listing.above !== null && button("↑", () => list(app, listing.above), { "aria-label": "Folder above" }), button(`Add this folder`, () => add(app, folder), { id: "add-folder" }), el("span", { title: folder }, folder)),
+      folder && el("p", { class: "folder" }, listing.above !== null && button("↑", () => list(app, listing.above), { "aria-label": "Folder above" }), button(`Add this folder`, () => add(app, folder), { id: "add-folder" }), el("span", { title: folder }, el("bdi", {}, folder))),
       el("ul", { class: "files" }, entries.map((entry) => entryOf(app, entry))),
       listing?.left_out > 0 && el("p", { class: "none" }, `and ${listing.left_out} more`),
     ];

@@ -2,7 +2,7 @@
 
 import { MEANINGS } from "pardalis/tracks.js";
 import { ask } from "../connection.js";
-import { button, disclosure, el, fixed } from "../elements.js";
+import { button, disclosure, el, fixed, instant } from "../elements.js";
 import { drawMarks } from "../picture.js";
 import { compareControl, settingsControl } from "./compare.js";
 import { recordControl, recordedText, recordingControl, records } from "./record.js";
@@ -24,6 +24,13 @@ let isReplay = false;
 let other = null;
 let comparison = null;
 let choosesLast = false;
+/** The number of the last earlier run when the run began. */
+let kept = 0;
+
+/** When values came last, in milliseconds of this page, and after how many seconds without new ones the page says so. */
+let told_ms = 0;
+const SILENT_S = 2;
+let silence = null;
 
 async function compareWith(app, number) {
   const answer = await app.change("compare", { run: number });
@@ -38,12 +45,15 @@ async function compareWith(app, number) {
 /** Begins a run. The one before it will be compared with it. */
 function start(app) {
   choosesLast = Boolean(app.state.run);
+  kept = app.state.run?.earlier?.at(-1)?.number ?? 0;
   return app.change("track", { record: records(app) });
 }
 
 function chooseLast(app) {
-  const last = app.state.run?.earlier?.at(-1);
-  if (!choosesLast || !last) return;
+  const { goes_on: goes, earlier } = app.state.run ?? {};
+  const last = earlier?.at(-1);
+  // Until the run has begun, the state is that of the one before it.
+  if (!choosesLast || goes || !last || last.number === kept) return;
   choosesLast = false;
   setTimeout(compareWith, 0, app, last.number);
 }
@@ -121,7 +131,8 @@ export const track = {
   showsAll: true,
   isBegun: ({ state }) => state.targets.length > 0 && state.cameras.length > 0,
   isDone: ({ state }) => Boolean(state.run && !state.run.goes_on && !state.run.error),
-  hint: ({ state }) => (state.run?.goes_on || state.watched ? "The white line is the best fit, the dots are hypotheses." : "Everything set? Start, and see whether the outlines stay on the object."),
+  hint: ({ state: { run, watched } }) =>
+    run?.goes_on || watched ? "The white line is the best fit, the dots are hypotheses." : run ? "The run has ended. Its report is below its last values." : "Everything set? Start, and see whether the outlines stay on the object.",
   picture: (app) => ({ draw: (context, px, about) => about.marks && drawMarks(context, px, about) }),
   imageOf: (app, name) => {
     const image = app.state.run && app.images.get(isReplay ? name : `run/${name}`);
@@ -135,16 +146,24 @@ export const track = {
   },
   below: (app) => {
     closeViewer();
-    if (!isViewer) return canReplay(app) ? replayBar(app, () => (isReplay = true)) : null;
+    if (!isViewer) return canReplay(app) ? replayBar(app, isReplay, () => (isReplay = true)) : null;
     const host = el("div", { id: "viewer" });
     // Once it is part of the page.
     setTimeout(openViewer, 0, app, host);
     return host;
   },
-  leave: closeViewer,
+  leave: () => {
+    closeViewer();
+    // Another step may show other frames.
+    isReplay = false;
+  },
   seen: (app, topic) => isReplay && topic.startsWith("image/") && updateNow(app),
   told: (app, topic, value) => {
-    if (topic === "track") updateNow(app);
+    if (topic === "track") {
+      told_ms = performance.now();
+      silence ??= setInterval(() => silentFor_s(app) >= SILENT_S && updateNow(app), 1000);
+      updateNow(app);
+    }
     if (topic.startsWith("source/") && isReplay && canReplay(app)) updateReplay(app);
     if (topic !== "scene") return;
     // Another run.
@@ -180,16 +199,22 @@ export const track = {
   },
 };
 
+/** How long the run has given no values, in seconds; 0 if it has ended. */
+const silentFor_s = (app) => (app.state.run?.goes_on ? Math.floor((performance.now() - told_ms) / 1000) : 0);
+
 function nowOf(app) {
   const now = app.latest.get("track");
   if (!app.state.run || !now) return [];
   if (isReplay && canReplay(app)) {
     const about = replayedNow(app);
-    return about?.targets ? [el("p", { class: "time" }, `Frame ${about.index}, ${fixed(about.time_s, 2)} s, replayed`), ...about.targets.map(targetRow)] : [];
+    return about?.targets ? [el("p", { class: "time" }, `Frame ${about.index}, ${instant(about.time_s)}, replayed`), ...about.targets.map(targetRow)] : [];
   }
   const age = now.age_s === null ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
   const recorded = app.state.run.goes_on && now.recording ? recordedText(now.recording) : [];
-  return [...recorded, el("p", { class: "time" }, `Frame ${now.frame}, ${fixed(now.time_s, 2)} s${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
+  const silent_s = silentFor_s(app);
+  const silence = silent_s >= SILENT_S && el("p", { class: "bad", id: "silence" }, `No new frame for ${silent_s} s: these values are old.`);
+  const of = app.state.run.goes_on ? "" : "At the end: ";
+  return [...recorded, silence, el("p", { class: "time" }, `${of}Frame ${now.frame}, ${instant(now.time_s)}${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
 }
 
 function updateNow(app) {

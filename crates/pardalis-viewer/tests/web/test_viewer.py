@@ -457,3 +457,20 @@ def test_live_rows_are_followed_until_the_user_goes_back(report, open_page):
     page.evaluate("live.dispose()")
     assert page.locator("#live").inner_html() == ""
     page.keyboard.press("ArrowLeft")
+
+
+def test_times_that_count_from_1970_are_shown_from_the_first_on(view, open_page):
+    begun_s = 1_795_806_713
+    rows = [row(frame, "ball", (0.01 * frame, 1, 0.5)).split(",") for frame in range(50)]
+    for cells in rows:
+        cells[1] = f"{begun_s + 0.25 + float(cells[1]):.6f}"
+    page = open_page(view([",".join(cells) for cells in rows]))
+    set_slider(page, 25)
+    assert page.locator('[data-value="time"] dd').last.inner_text() == "1.250 s"
+    assert page.locator(".pv-timeline").inner_text().endswith("1.250 s")
+    assert page.locator(".pv-origin").inner_text() == "0 s is 2026-11-27 19:11:53 UTC"
+    ticks = page.evaluate("""async () => {
+        const { timeTick } = await import("pardalis/format.js");
+        return [0.2, 0.4].map((offset) => timeTick(1795806713 + offset, 1795806713.4 - 1795806713.2));
+    }""")
+    assert ticks == ["0.2 s", "0.4 s"]

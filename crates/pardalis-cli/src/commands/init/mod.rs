@@ -275,7 +275,8 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
         let source = if name == "-" { "pipe:0" } else { &name };
         return Err(user_error!(
             "{name}: init needs recorded images; record a clip, for example with `ffmpeg -i {source} -t 20 -c copy clip.mkv`, run \
-             pardalis init clip.mkv, and then give video = \"{name}\" in the scene (docs/cameras-live.md)"
+             pardalis init clip.mkv, and then give video = \"{name}\" in the scene, with input.format = \"mpjpeg\" if it is a camera that sends \
+             single JPEG images (docs/cameras-live.md); or use the studio (docs/studio.md)"
         ));
     }
     if !input.exists() {
@@ -442,9 +443,14 @@ pub(crate) fn check_size(
 ) -> Result<()> {
     match camera.size_px {
         Some(stated) if stated != found => Err(user_error!(
-            "{}: camera {}: the calibration is for {} x {} pixels, the images are {} x {}",
+            "{}: {}: the calibration is for {} x {} pixels, the images are {} x {}",
             file.shown(),
-            camera.name,
+            // The name of those in files that have none.
+            if camera.name == "camera" {
+                "its camera".to_owned()
+            } else {
+                format!("camera {}", camera.name)
+            },
             stated.0,
             stated.1,
             found.0,

@@ -156,6 +156,15 @@ impl CameraText {
         Self { name, ..self }
     }
 
+    /// Adds lines of settings to those about frames and times.
+    #[cfg(feature = "studio")]
+    pub(crate) fn with_settings(mut self, lines: &str) -> Self {
+        if !lines.is_empty() {
+            self.input = format!("{}\n{}", self.input, lines.trim_end());
+        }
+        self
+    }
+
     pub(crate) fn text(&self, text: &mut String) {
         let Self {
             name,

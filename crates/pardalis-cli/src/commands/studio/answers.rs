@@ -12,7 +12,7 @@ use super::rig::{RigOf, RigStop};
 use super::runs::{OtherRun, Tracked};
 use super::session::Session;
 use super::steps::{Calibrated, Guessed, Label};
-use super::targets::{NewTarget, SetNumber, Shaped};
+use super::targets::{NewTarget, OfTarget, SetNumber, Shaped};
 use crate::commands::devices;
 use crate::user_error::user_error;
 
@@ -135,6 +135,7 @@ impl Session {
             "add_target" => self.add_target(&read::<NewTarget>(value)?)?,
             "set_shape" => self.set_shape(&read::<Shaped>(value)?)?,
             "label" => self.label(&read::<Label>(value)?)?,
+            "learn_anew" => self.learn_anew(&read::<OfTarget>(value)?)?,
             "unlabel" => {
                 let label: Unlabelled = read(value)?;
                 self.unlabel(&label.target, label.number)?;

@@ -93,7 +93,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         session.warn_of_problems();
     }
     for source in sources {
-        session.add_source(source, None)?;
+        if session.has_source(source) {
+            note(format_args!("{source} is in {} already.", path.shown()));
+        } else {
+            session.add_source(source, None)?;
+        }
     }
     session.follow();
     // What the command line added is added by it again.

@@ -20,7 +20,7 @@ use crate::output::Shown as _;
 use crate::scene::{self, problems_in};
 use crate::scene_files::read_calibration;
 use crate::source::Source;
-use crate::user_error::user_error;
+use crate::user_error::{SingleImages, user_error};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -80,11 +80,42 @@ impl Session {
         })
     }
 
+    /// Reports whether the scene has a camera of a file, a folder, a device or an address.
+    pub(super) fn has_source(&self, input: &str) -> bool {
+        let inner = self.inner();
+        let folder = inner.project.folder().to_owned();
+        let given = std::fs::canonicalize(input).ok();
+        let is_it = |camera: &toml::Value| {
+            let place = |key| camera.get(key).and_then(toml::Value::as_str);
+            let Some(place) = place("video").or(place("images")).or(place("mcap")) else {
+                return false;
+            };
+            let file = std::fs::canonicalize(folder.join(place)).ok();
+            place == input || given.is_some() && file == given
+        };
+        let cameras = inner.project.now().text.parse::<toml::Table>().ok();
+        let cameras = cameras
+            .as_ref()
+            .and_then(|table| table.get("cameras")?.as_table());
+        cameras.is_some_and(|cameras| cameras.values().any(is_it))
+    }
+
     /// Opens a live camera, for the size of its images and then for its pictures.
     fn live_camera(&self, input: &str) -> Result<CameraText> {
+        match self.live_camera_of(input, "") {
+            // Most network cameras send such images, and the address does not say so.
+            Err(error) if error.is::<SingleImages>() => {
+                self.live_camera_of(input, "input.format = \"mpjpeg\"\n")
+            }
+            result => result,
+        }
+    }
+
+    /// The same with further lines of settings.
+    fn live_camera_of(&self, input: &str, settings: &str) -> Result<CameraText> {
         let place = toml::Value::from(input);
         let probe = format!(
-            "[cameras.camera]\nvideo = {place}\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
+            "[cameras.camera]\nvideo = {place}\n{settings}world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
              model.pinhole = {{ f_px = [1, 1], center_px = [0, 0] }}\n"
         );
         let (scene, problems) = Scene::parse_parts(&probe, &|_, _| Err(String::new()));
@@ -108,13 +139,8 @@ impl Session {
             input: Input::Video,
         };
         self.inner().open = vec![(config, source)];
-        Ok(CameraText::guessed(
-            Model::Pinhole,
-            &Fov::Unknown,
-            &opened,
-            input,
-            None,
-        ))
+        let camera = CameraText::guessed(Model::Pinhole, &Fov::Unknown, &opened, input, None);
+        Ok(camera.with_settings(settings))
     }
 
     /// Removes a camera or a target.
@@ -241,7 +267,7 @@ impl Session {
                 let is_own = state.files.contains_key(&file) || !file.exists();
                 if !is_own {
                     return Err(user_error!(
-                        "{}: holds colours that were learnt before; remove the target and add it again under another name to learn new ones",
+                        "{}: holds colours that were learnt before; press Learn them anew in the step Colours",
                         file.shown()
                     ));
                 }
@@ -304,7 +330,7 @@ impl Inner {
     }
 
     /// Returns the file of the colours of a target.
-    fn colors_file(&self, target: &str) -> Result<PathBuf> {
+    pub(super) fn colors_file(&self, target: &str) -> Result<PathBuf> {
         let table = self.table_of("targets", target);
         let table = table
             .ok_or_else(|| user_error!("targets.{target}: is not in the scene; add it first"))?;

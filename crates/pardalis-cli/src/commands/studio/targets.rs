@@ -21,6 +21,12 @@ pub(super) struct NewTarget {
     radius_m: Option<f64>,
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct OfTarget {
+    target: String,
+}
+
 /// A whole number in the scene.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -84,6 +90,26 @@ impl Session {
             |state| {
                 let table = target_text(name, target.radius_m, &colors);
                 state.text = with_table(&state.text, &table)?.into();
+                Ok(())
+            },
+        )
+    }
+
+    /// Gives a target a new file of colours, so that they are learnt anew from labels. The file before stays.
+    pub(super) fn learn_anew(&self, target: &OfTarget) -> Result<()> {
+        let name = &target.target;
+        let inner = self.inner();
+        inner.colors_file(name)?;
+        let colors = unused_colors(inner.project.folder(), name);
+        drop(inner);
+        let path = ["targets", name, "colors"];
+        self.edit(
+            // The file comes with the first label.
+            &format!("targets.{name}.shape"),
+            format!("other colours of {name}"),
+            |state| {
+                state.text = with_value(&state.text, &path, colors)?.into();
+                state.samples.remove(name);
                 Ok(())
             },
         )
