@@ -47,7 +47,11 @@ export const camera = {
   title: "Camera",
   isBegun: ({ state }) => state.cameras.length > 0,
   isDone: ({ state }) => state.cameras.length > 0 && !state.guesses.some(({ step }) => step === "camera"),
-  hint: (app) => (app.camera ? `How does ${app.camera} see? A calibration is best; its angle of view will do for a start.` : "Add a camera first."),
+  hint: (app) => {
+    if (app.camera) return `How does ${app.camera} see? A calibration is best; its angle of view will do for a start.`;
+    const isUnread = app.state.problems.some(({ key }) => key.startsWith("cameras."));
+    return isUnread ? "The scene has cameras that cannot be read. Mend in an editor what is named below, or remove them there and add them here." : "Add a camera first.";
+  },
   picture: (app, name) => ({
     draw: (context, px) => (way === "board" ? drawBoard(app, context, px, name) : drawAngles(context, px, app.state.cameras.find((one) => one.name === name))),
   }),

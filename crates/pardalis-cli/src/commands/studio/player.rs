@@ -34,6 +34,9 @@ const SILENT_S: f64 = 1.5;
 /// A frame was lost if the time since the one before is longer than this multiple of the usual one. Hand-set.
 const LOST_INTERVALS: f64 = 1.6;
 
+/// What comes in this time after the first frame says nothing about the rate, seconds: many cameras begin with frames that have waited, all at once. Hand-set.
+const BEGINNING_S: f64 = 1.0;
+
 /// Shows the frames of a camera until it is dropped.
 #[derive(Debug)]
 pub(super) struct Player {
@@ -207,6 +210,8 @@ struct Statistics {
     broken: usize,
     /// The time stamp and the arrival of the last frame, in seconds.
     last: Option<(f64, f64)>,
+    /// The arrival of the first frame, in seconds.
+    first_s: Option<f64>,
     /// The usual interval of time stamps in seconds.
     interval_s: Option<f64>,
     /// The least time from a time stamp to the arrival, in seconds. The clocks of cameras begin at any time.
@@ -225,7 +230,11 @@ impl Statistics {
             .map_or(delay_s, |least| least.min(delay_s));
         self.least_delay_s = Some(least_s);
         self.delay_s = delay_s - least_s;
-        if let Some((last_s, _)) = self.last.filter(|(last_s, _)| *last_s < time_s) {
+        let has_begun = arrival_s - *self.first_s.get_or_insert(arrival_s) >= BEGINNING_S;
+        let last = self
+            .last
+            .filter(|(last_s, _)| has_begun && *last_s < time_s);
+        if let Some((last_s, _)) = last {
             let step_s = time_s - last_s;
             let usual_s = self.interval_s.unwrap_or(step_s);
             if step_s > LOST_INTERVALS * usual_s {
@@ -437,16 +446,21 @@ mod tests {
     #[test]
     fn gaps_of_time_stamps_are_lost_frames_and_late_arrivals_are_delay() {
         let mut statistics = Statistics::default();
+        // Those that have waited come at once, with the times of their arrival.
+        for number in 0..10 {
+            let waited_s = 0.001 * f64::from(number);
+            statistics.add(999.96 + waited_s, 49.96 + waited_s);
+        }
         let mut arrival_s = 50.0;
         for number in 0..40 {
             arrival_s = 50.0 + 0.04 * f64::from(number);
             statistics.add(1000.0 + 0.04 * f64::from(number), arrival_s);
         }
-        assert_eq!((statistics.frames, statistics.lost), (40, 0));
+        assert_eq!((statistics.frames, statistics.lost), (50, 0));
         assert!(statistics.delay_s.abs() < 1e-9);
         // Three frames are missing, and the next comes 100 ms late.
         statistics.add(1000.0 + 0.04 * 43.0, arrival_s + 4.0 * 0.04 + 0.1);
-        assert_eq!((statistics.frames, statistics.lost), (41, 3));
+        assert_eq!((statistics.frames, statistics.lost), (51, 3));
         assert!((statistics.delay_s - 0.1).abs() < 1e-9);
         let rate_hz = 1.0 / statistics.interval_s.unwrap();
         assert!((24.0..26.0).contains(&rate_hz), "{rate_hz}");
