@@ -203,3 +203,65 @@ fn tolerances_out_of_range_are_refused() {
         assert!(error.contains("radius_tolerance"), "{error}");
     }
 }
+
+/// The estimates after each frame of cameras without a common trigger: the second camera's images are taken a millisecond after those of the first.
+fn track_apart(ball: DetectedSettings, cameras: usize) -> Vec<(usize, Estimate)> {
+    let views = &views()[..cameras];
+    let mut setup = Tracker::builder();
+    for view in views {
+        setup.camera(view.clone());
+    }
+    let target = setup.target(ball);
+    let mut tracker = setup.build().unwrap();
+    let mut estimates = Vec::new();
+    for frame in 0..3 * FRAMES {
+        for (number, view) in views.iter().enumerate() {
+            let time_s = frame as f64 / 25.0 + 0.001 * number as f64;
+            let (rgb, _) = painter::ball(view, truth_m(frame), RADIUS_M);
+            let image = Frame::from_rgb(320, 240, rgb, time_s).unwrap();
+            let set = FrameSet::of(CameraId::new(number), image);
+            tracker.observe(&set).unwrap();
+            estimates.push((frame, tracker.estimate(target).unwrap()));
+        }
+    }
+    estimates
+}
+
+/// A camera alone is wrong by as much as the size is. What another saw a moment before counts more, also if their images are never of the same time.
+#[test]
+fn cameras_without_a_trigger_tell_the_distance_by_their_rays() {
+    // The root mean square after the frames of each camera.
+    let rms_m = |cameras: usize, scale: f64| {
+        let estimates = track_apart(ball(scale * RADIUS_M, SizeTolerance::default()), cameras);
+        let mut squares = vec![0.0; cameras];
+        // Once the ball is found.
+        let later = &estimates[estimates.len() / 2..];
+        for (number, (frame, estimate)) in later.iter().enumerate() {
+            assert_eq!(
+                estimate.state,
+                TrackState::Tracking,
+                "{scale}, frame {frame}"
+            );
+            let known = estimate.kinematics.unwrap();
+            let [xx, _, _, yy, _, zz] = known.covariance_m2;
+            let error_m = error_m(estimate, *frame);
+            assert!(
+                error_m < 3.0 * (xx + yy + zz).sqrt(),
+                "{scale}, frame {frame}: {error_m}"
+            );
+            squares[number % cameras] += error_m * error_m;
+        }
+        let count = (later.len() / cameras) as f64;
+        squares.into_iter().map(move |sum| (sum / count).sqrt())
+    };
+    for scale in [0.97, 1.05] {
+        let alone_m = rms_m(1, scale).next().unwrap();
+        let together_m: Vec<f64> = rms_m(2, scale).collect();
+        assert!(alone_m > 0.02, "{scale}: {alone_m}");
+        // In 40 ms the ball may have moved as far as the first is wrong; the second comes a millisecond later.
+        assert!(
+            together_m[0] < 0.65 * alone_m && together_m[1] < 0.05 * alone_m,
+            "{scale}: {alone_m} {together_m:?}"
+        );
+    }
+}

@@ -6,6 +6,7 @@
 mod adaptation;
 mod agreement;
 mod association;
+mod between;
 mod boxes;
 mod candidates;
 mod challenge;
@@ -47,12 +48,12 @@ use crate::view::View;
 use adaptation::{Adaptation, Certain};
 use agreement::Agreement;
 use association::AssociatedDetection;
+use between::Sights;
 use boxes::Boxes;
 use challenge::{Challenge, Sighting, Winner};
 use detection::{Detector, Outline, Prediction};
 use exposures::Exposures;
 use heading::Heading;
-use measurement::measured_m;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
@@ -98,6 +99,7 @@ pub(super) struct DetectedTarget {
     measured_m: Option<[f64; 3]>,
     /// How certain the size of its outline is.
     outline: Outline,
+    sights: Sights,
     /// Where the other landmarks of the target are known to be, metres.
     other_landmarks_m: Vec<[f64; 3]>,
     /// What was examined in the latest frames.
@@ -124,6 +126,8 @@ struct Buffers {
     frames: Vec<EdgeFrame<'static>>,
     associated: Vec<AssociatedDetection>,
     components: Vec<MeasurementComponent>,
+    /// Where particles count if a likelihood is widened, metres.
+    places: [Vec<f32>; 3],
 }
 
 /// Empties a vector of frames; its memory serves frames of another lifetime.
@@ -205,6 +209,7 @@ impl DetectedTarget {
             detected: None,
             measured_m: None,
             outline: Outline::default(),
+            sights: Sights::new(views.len()),
             since_s: 0.0,
             clutter_seen: 0.0,
             member: None,
@@ -217,6 +222,7 @@ impl DetectedTarget {
                 frames: Vec::with_capacity(views.len()),
                 associated: Vec::with_capacity(tuning.detection.max_detections),
                 components: Vec::with_capacity(tuning.detection.max_detections),
+                places: [(); 3].map(|()| Vec::with_capacity(settings.particles.max)),
             },
         })
     }
@@ -341,6 +347,8 @@ impl DetectedTarget {
         );
 
         let cameras = frames.iter().map(EdgeFrame::camera);
+        let widened = self.widen((cameras.clone(), time_s), &predicted, &mut associated);
+        let detections = self.detector.detections();
         let rates = &self.existence.occlusion;
         Visibility::predict_in(&mut self.visibilities, cameras, rates, time_s);
         let measurement = Measurement {
@@ -351,24 +359,24 @@ impl DetectedTarget {
             region: self.existence.region,
             near_m: self.tuning.existence.near_diameters * self.diameter_m(),
             missed: -self.tuning.existence.missed_nats,
+            widened: widened.as_ref(),
         };
+        let Buffers {
+            components, places, ..
+        } = &mut self.buffers;
         let updated = update(
             &mut self.filter,
             &mut self.edge,
             &measurement,
             &mut self.log_ratios,
-            &mut self.buffers.components,
+            (components, places),
         );
 
+        self.buffers.frames = emptied(frames);
         let target = updated.target.map(|number| &associated[number]);
-        self.detected = target.map(|target| target.component);
-        self.measured_m = target.and_then(|target| {
-            let predicted = predicted.estimate.as_ref()?;
-            measured_m(&target.component, predicted, &self.filter.estimate(0.0)?)
-        });
-        if let Some(target) = target {
-            self.outline = Outline::of(&detections[target.detection], &self.tuning.detection);
-        }
+        let is_widened = widened.is_some_and(|w| updated.target == Some(w.associated));
+        self.take(target, is_widened, &predicted, time_s);
+        let detections = self.detector.detections();
         for &(camera, _) in instant.frames {
             let detection = target.map(|target| &detections[target.detection]);
             let visible_share = detection.and_then(|found| found.visible_share_in(camera));
@@ -381,7 +389,6 @@ impl DetectedTarget {
                 self.track.note_observation(camera, time_s, seen);
             }
         }
-        self.buffers.frames = emptied(frames);
         let found = target.map(|target| target.detection);
         self.decide(time_s);
         if let Some(found) = found {
@@ -550,6 +557,7 @@ impl DetectedTarget {
         self.measured_m = None;
         let detection = &self.detector.detections()[associated[number].detection];
         self.outline = Outline::of(detection, &self.tuning.detection);
+        self.sights.begin();
         if let Some(heading) = &mut self.heading {
             heading.reset();
         }
@@ -636,6 +644,7 @@ impl DetectedTarget {
         self.agreement.reset(&self.tuning.agreement);
         self.challenge.reset();
         self.outline = Outline::default();
+        self.sights.reset();
         self.others.clear();
         self.start = None;
         self.detector.exposures = Exposures::default();
@@ -651,9 +660,7 @@ impl DetectedTarget {
 
     /// Adds to a covariance of positions (xx, xy, xz, yy, yz, zz in m²) that of errors which frames share: of the size and of the cameras.
     fn add_shared(&self, covariance_m2: &mut [f64; 6]) {
-        let sigma = libm::hypot(self.size.known().sigma, self.outline.sigma);
-        let [x, y, z] = self.outline.drift_m.map(|drift_m| sigma * drift_m);
-        let of_size = [x * x, x * y, x * z, y * y, y * z, z * z];
+        let of_size = self.size_error_m2();
         let of_cameras = self.agreement.covariance_m2(&self.tuning.agreement);
         let of_cameras = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| of_cameras[at]);
         for (sum, more) in covariance_m2.iter_mut().zip(of_size) {

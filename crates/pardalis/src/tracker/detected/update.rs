@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::association::AssociatedDetection;
+use super::between::Widened;
 use super::visibility::Visibility;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame};
 use crate::tracker::existence::Region;
@@ -24,6 +25,8 @@ pub(super) struct Measurement<'a> {
     pub(super) near_m: f64,
     /// The log-likelihood ratio of a frame in which a visible target is nowhere near a detection, nats.
     pub(super) missed: f32,
+    /// How the likelihood is widened, if it is.
+    pub(super) widened: Option<&'a Widened>,
 }
 
 /// What the update found.
@@ -33,13 +36,13 @@ pub(super) struct Updated {
     pub(super) target: Option<usize>,
 }
 
-/// Runs the update. Writes each camera's log-likelihood ratios, one per particle, into `log_ratios`; `components` is a buffer.
+/// Runs the update. Writes each camera's log-likelihood ratios, one per particle, into `log_ratios`; `components` and `places` are buffers.
 pub(super) fn update(
     filter: &mut BernoulliFilter,
     edge: &mut EdgeCue,
     measurement: &Measurement,
     log_ratios: &mut [Vec<f32>],
-    components: &mut Vec<MeasurementComponent>,
+    (components, places): (&mut Vec<MeasurementComponent>, &mut [Vec<f32>; 3]),
 ) -> Updated {
     let Measurement {
         frames,
@@ -49,6 +52,7 @@ pub(super) fn update(
         region,
         near_m,
         missed,
+        widened,
     } = *measurement;
     components.clear();
     components.extend(associated.iter().map(|associated| associated.component));
@@ -59,11 +63,17 @@ pub(super) fn update(
     });
     filter.update(components, max_log_ratio, |particles, out| {
         out.fill(0.0);
+        if let Some(widened) = widened {
+            widened.move_places(particles.positions_m(), places);
+        }
+        let positions_m = match widened {
+            Some(_) => places.each_ref().map(Vec::as_slice),
+            None => particles.positions_m(),
+        };
         for frame in frames {
             let of_camera = &mut log_ratios[frame.camera()];
             of_camera.clear();
             of_camera.resize(out.len(), 0.0);
-            let positions_m = particles.positions_m();
             edge.log_likelihood_ratios(frame, detections.clone(), positions_m, missed, of_camera);
             let Some(visibility) = &visibilities[frame.camera()] else {
                 continue;
