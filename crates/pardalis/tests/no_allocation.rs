@@ -114,7 +114,16 @@ fn check_detected() {
     check("fisheye", vec![fisheye_view()], ball(), &of_ball, 12);
     let of_two = sets(FPS, 0..40, |index| vec![jump_picture(index); 2]);
     let views = vec![fisheye_view(), fisheye_view()];
-    check("two cameras", views, ball(), &of_two, 12);
+    check("two cameras", views.clone(), ball(), &of_two, 12);
+    // Each frame comes between two of the other camera.
+    let by_turns = (0..60).map(|index| {
+        let time_s = index as f64 / FPS;
+        let picture = jump_picture(index);
+        let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s);
+        FrameSet::of(CameraId::new(index % 2), frame)
+    });
+    let by_turns: Vec<FrameSet> = by_turns.collect();
+    check("two cameras by turns", views, ball(), &by_turns, 24);
     // As many particles as each update needs.
     let mut ball = detected_ball();
     ball.particles.min = 100;

@@ -230,3 +230,42 @@ impl DetectedTarget {
         self.outline = Outline::of(detection, &self.tuning.detection);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The ray is a principal axis of what a camera alone sees.
+    #[test]
+    fn places_count_as_in_a_gaussian_that_is_wider_along_the_ray() {
+        let along = Vector3::new(0.6, 0.0, 0.8_f64);
+        let of_ray = along * along.transpose();
+        let own: Matrix3<f64> = 1e-6 * (Matrix3::identity() - of_ray) + 4e-6 * of_ray;
+        let component = MeasurementComponent {
+            position_m: [0.5, 0.1, 0.9],
+            covariance_m2: [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| own[at]),
+            log_weight: 0.0,
+        };
+        let widened = Widened::of((0, &component), [0.24, 0.0, 0.32], 0.02).unwrap();
+        let wide = own + 0.008_f64.powi(2) * of_ray;
+        let squared = |place_m: Vector3<f64>, covariance: Matrix3<f64>| {
+            let off_m = place_m - Vector3::from(component.position_m);
+            off_m.dot(&(covariance.try_inverse().unwrap() * off_m))
+        };
+        let across = Vector3::new(0.8, 0.0, -0.6_f64);
+        for (far_m, beside_m) in [(0.01, 0.0), (-0.02, 0.001), (0.003, -0.002), (0.0, 0.004)] {
+            let place_m = widened.center_m + far_m * along + beside_m * across;
+            let columns = place_m.map(|component| vec![component as f32]);
+            let mut moved = [(); 3].map(|()| Vec::new());
+            let [x, y, z] = [0, 1, 2].map(|axis| &columns[axis][..]);
+            widened.move_places([x, y, z], &mut moved);
+            let moved_m = Vector3::from_fn(|axis, _| f64::from(moved[axis][0]));
+            let (found, expected) = (squared(moved_m, own), squared(place_m, wide));
+            assert!(
+                (found - expected).abs() < 1e-3 * expected + 1e-3,
+                "{far_m} {beside_m}: {found} for {expected}"
+            );
+        }
+        assert!(Widened::of((0, &component), [0.0; 3], 0.02).is_none());
+    }
+}
