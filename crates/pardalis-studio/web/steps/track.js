@@ -30,7 +30,7 @@ let kept = 0;
 /** When values came last, in milliseconds of this page, and after how many seconds without new ones the page says so. */
 let told_ms = 0;
 const SILENT_S = 2;
-let silence = null;
+let timer = null;
 
 async function compareWith(app, number) {
   const answer = await app.change("compare", { run: number });
@@ -161,7 +161,7 @@ export const track = {
   told: (app, topic, value) => {
     if (topic === "track") {
       told_ms = performance.now();
-      silence ??= setInterval(() => silentFor_s(app) >= SILENT_S && updateNow(app), 1000);
+      timer ??= setInterval(() => silentFor_s(app) >= SILENT_S && updateNow(app), 1000);
       updateNow(app);
     }
     if (topic.startsWith("source/") && isReplay && canReplay(app)) updateReplay(app);

@@ -6,7 +6,6 @@
 mod adaptation;
 mod agreement;
 mod association;
-mod between;
 mod boxes;
 mod candidates;
 mod challenge;
@@ -21,6 +20,7 @@ mod size;
 mod streaks;
 #[cfg(test)]
 mod tests;
+mod untriggered;
 mod update;
 mod visibility;
 
@@ -48,7 +48,6 @@ use crate::view::View;
 use adaptation::{Adaptation, Certain};
 use agreement::Agreement;
 use association::AssociatedDetection;
-use between::Sights;
 use boxes::Boxes;
 use challenge::{Challenge, Sighting, Winner};
 use detection::{Detector, Outline, Prediction};
@@ -62,6 +61,7 @@ use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Measurement
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
 use size::Size;
+use untriggered::Sights;
 use update::{Measurement, update};
 
 /// A body that the tracker detects itself.

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::association::AssociatedDetection;
-use super::between::Widened;
+use super::untriggered::Widened;
 use super::visibility::Visibility;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame};
 use crate::tracker::existence::Region;

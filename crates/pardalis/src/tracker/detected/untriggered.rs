@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::DetectedTarget;
 use super::association::AssociatedDetection;
 use super::detection::{Outline, Prediction};
-use super::measurement::measured_m;
+use super::measurement::{matrix, measured_m};
 use crate::likelihood::edge::Detection;
 use pardalis_filter::bernoulli::MeasurementComponent;
 use pardalis_filter::estimate::StateEstimate;
@@ -17,8 +17,9 @@ use pardalis_filter::estimate::StateEstimate;
 /// For how long the prediction of the distance is better than what a camera alone sees, seconds. Hand-set: a thrown ball is predicted to a few millimetres for as long.
 const RECENT_S: f64 = 0.2;
 
-fn matrix([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+/// The entries xx, xy, xz, yy, yz, zz of a covariance.
+fn entries(covariance: &Matrix3<f64>) -> [f64; 6] {
+    [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| covariance[at])
 }
 
 /// The likelihood of frames, wider along the ray to a detection.
@@ -64,8 +65,7 @@ impl Widened {
     /// Widens what the detection contributes.
     fn widen(&self, associated: &mut AssociatedDetection) {
         let covariance = matrix(associated.component.covariance_m2) + self.error();
-        associated.component.covariance_m2 =
-            [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| covariance[at]);
+        associated.component.covariance_m2 = entries(&covariance);
         // Its likelihood integrates to the same.
         associated.log_ratio_offset += libm::log(self.nearness) as f32;
     }
@@ -172,9 +172,7 @@ impl Sights {
 
     /// The covariance of the error of the size in the estimate, given that of the latest detection: xx, xy, xz, yy, yz, zz in m².
     pub(super) fn error_m2(&self, latest: [f64; 6]) -> [f64; 6] {
-        self.error_m2.map_or(latest, |error| {
-            [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| error[at])
-        })
+        self.error_m2.as_ref().map_or(latest, entries)
     }
 }
 
@@ -243,7 +241,7 @@ mod tests {
         let own: Matrix3<f64> = 1e-6 * (Matrix3::identity() - of_ray) + 4e-6 * of_ray;
         let component = MeasurementComponent {
             position_m: [0.5, 0.1, 0.9],
-            covariance_m2: [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| own[at]),
+            covariance_m2: entries(&own),
             log_weight: 0.0,
         };
         let widened = Widened::of((0, &component), [0.24, 0.0, 0.32], 0.02).unwrap();
