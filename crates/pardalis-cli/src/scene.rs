@@ -68,6 +68,17 @@ impl Live {
     }
 }
 
+impl OpenScene {
+    /// Takes the live sources from the scene in the file at `path`, with their settings, for whoever takes their frames next. The others end.
+    pub(crate) fn take_live(&mut self, path: &Path) -> Vec<(SourceConfig, Source)> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let sources = self.scene.cameras.iter().zip(self.sources.drain(..));
+        let live = sources.filter(|(_, source)| source.is_live());
+        live.filter_map(|(camera, source)| Some((source_config(camera, folder).ok()?, source)))
+            .collect()
+    }
+}
+
 /// Reads the text of a scene file.
 pub(crate) fn read_scene_text(path: &Path) -> Result<String> {
     let name = path.shown();

@@ -85,6 +85,8 @@ pub struct Scene {
     pub targets: Vec<TargetConfig>,
     /// How long a frame waits after its arrival for earlier frames of other cameras, in seconds.
     pub max_delay_s: f64,
+    /// Full keys of values that are guesses, as the scene lists them.
+    pub guesses: Vec<String>,
     /// Settings that are valid but probably not intended.
     pub warnings: Vec<Problem>,
     /// Every setting with its final value, given or default, for summaries.
@@ -277,6 +279,7 @@ impl Scene {
             platforms,
             targets,
             max_delay_s,
+            guesses,
             warnings: Vec::new(),
             resolved: toml::Table::new(),
         }

@@ -161,7 +161,7 @@ function isShown(step, problem) {
 /** Returns "done", "todo" or "wrong". */
 function statusOf(step) {
   const wrong = problemsOf(step).filter((problem) => !problem.is_warning);
-  if (step.isDone(app)) return wrong.length > 0 ? "wrong" : "done";
+  if (step.isDone(app)) return wrong.length > 0 || step.isDoubtful?.(app) ? "wrong" : "done";
   return wrong.some((problem) => isShown(step, problem)) ? "wrong" : "todo";
 }
 

@@ -205,4 +205,20 @@ export function drawMarks(context, px, { marks = [], notes = [] }) {
     context.lineTo(at[0], at[1] + 5 * px);
     context.stroke();
   }
+  drawVerdicts(context, px, notes);
+}
+
+/** Writes beside the crosses why these places were ruled out. Where texts would overlap, that of the later test is shown. */
+function drawVerdicts(context, px, notes) {
+  const strips = [];
+  context.font = `${12 * px}px system-ui, sans-serif`;
+  for (const { at_px: [u, v], text } of notes.filter(({ why }) => why).reverse()) {
+    const strip = [u + 8 * px, v - 9 * px, context.measureText(text).width + 6 * px, 17 * px];
+    if (strips.some(([x, y, width, height]) => x < strip[0] + strip[2] && strip[0] < x + width && y < strip[1] + strip[3] && strip[1] < y + height)) continue;
+    strips.push(strip);
+    context.fillStyle = "#000a";
+    context.fillRect(...strip);
+    context.fillStyle = "#fff";
+    context.fillText(text, strip[0] + 3 * px, v + 4 * px);
+  }
 }

@@ -54,15 +54,29 @@ function notFound(summary) {
     element("div", { class: "pv-missed" }, element("p", {}, where), element("ul", {}, ...why.map((sentence) => element("li", {}, sentence)))));
 }
 
+/** What some words mean that are no common ones. */
+const EXPLAINED = {
+  "frame sets": "images of all cameras at one time, or nearly so",
+  seed: "where the random numbers began: with the same one, the same recording gives the same results",
+  threads: "how much was computed at once",
+  late: "came after later images had been tracked, and were left out",
+  overtaken: "live images that were left out because tracking was slower than the camera",
+  frozen: "the same, byte for byte, as the image before",
+};
+
+function explained(word) {
+  return EXPLAINED[word] ? element("abbr", { title: EXPLAINED[word] }, word) : word;
+}
+
 function section(title, ...content) {
   return element("section", {}, element("h2", {}, title), ...content);
 }
 
 function facts(pairs) {
-  return element("dl", {}, ...pairs.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, String(value ?? "–"))]));
+  return element("dl", {}, ...pairs.flatMap(([name, value]) => [element("dt", {}, explained(name)), element("dd", {}, String(value ?? "–"))]));
 }
 
 function table(heads, rows) {
   const body = rows.map((cells) => element("tr", {}, ...cells.map((cell, at) => element(at === 0 ? "th" : "td", {}, String(cell ?? "–")))));
-  return element("div", { class: "pv-table" }, element("table", {}, element("thead", {}, element("tr", {}, ...heads.map((head) => element("th", { scope: "col" }, head)))), element("tbody", {}, ...body)));
+  return element("div", { class: "pv-table" }, element("table", {}, element("thead", {}, element("tr", {}, ...heads.map((head) => element("th", { scope: "col" }, explained(head))))), element("tbody", {}, ...body)));
 }

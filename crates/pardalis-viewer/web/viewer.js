@@ -28,6 +28,7 @@
  *         footprint_m: [[x, y, z], ...],               // optional: the border of the image on the plane, for a camera that is described by its plane
  *         path: [[time_s, x, y, z, qw, qx, qy, qz], ...], // optional: poses (world from camera) of a camera that moves, in order of time
  *       }],
+ *       guesses: ["the pose of left"],               // optional: what is not measured
  *       targets: [{ name: "ball", shape: SHAPE }],     // "ball" is also the shape of the members "ball-1", "ball-2", ... of a crowd
  *       frames: [{ time_s, images: { left: URL } }],   // optional: images with or without outlines, as data: or relative URLs
  *     }
@@ -90,13 +91,19 @@ export class Viewer {
     this.#build();
     this.onKey = (event) => this.#key(event);
     document.addEventListener("keydown", this.onKey);
-    this.stopThemes = onThemeChange(() => this.#refreshTracks());
+    this.stopThemes = onThemeChange(() => {
+      this.#refreshTracks();
+      this.#showIndex(this.timeline.index);
+    });
     this.#refreshTracks();
   }
 
   setScene(scene) {
     this.scene = { title: "", units: "m", ...scene, cameras: scene.cameras ?? [], targets: scene.targets ?? [] };
     this.pictures.setFrames(this.scene.frames ?? []);
+    const guesses = this.scene.guesses ?? [];
+    this.guessHost.hidden = guesses.length === 0;
+    this.guessHost.textContent = `Positions are only as right as these guesses: ${guesses.join(", ")}.`;
     this.stage?.setScene(this.scene);
     this.#plot();
     this.#refreshTracks();
@@ -163,7 +170,8 @@ export class Viewer {
     const plotsHost = element("div", { class: "pv-plots" });
     const timelineHost = element("div", { class: "pv-timeline", role: "group", "aria-label": "Time" });
     sideHost.append(picturesHost, valuesHost);
-    this.root = element("div", { class: "pv" }, element("div", { class: "pv-top" }, sceneHost, sideHost), comparisonHost, stripHost, plotsHost, timelineHost);
+    this.guessHost = element("p", { class: "pv-guesses", hidden: "" });
+    this.root = element("div", { class: "pv" }, this.guessHost, element("div", { class: "pv-top" }, sceneHost, sideHost), comparisonHost, stripHost, plotsHost, timelineHost);
     this.host.replaceChildren(this.root);
     const pick = (time_s) => this.setTime(time_s);
     const select = (name) => this.#select(name);

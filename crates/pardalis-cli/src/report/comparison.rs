@@ -273,6 +273,9 @@ pub(crate) fn settings(summaries: [Option<&Value>; 2]) -> Vec<Setting> {
         flatten(String::new(), &summary["settings"], &mut values);
         // `--seed` overrides the scene's.
         flatten("seed".to_owned(), &summary["seed"], &mut values);
+        if summary["smoothed"] == true {
+            values.insert("smoothed".to_owned(), "true".to_owned());
+        }
         values
     });
     let keys: BTreeSet<&String> = ours.keys().chain(theirs.keys()).collect();

@@ -25,6 +25,8 @@ pub(crate) struct PageScene {
     units: &'static str,
     cameras: Vec<Value>,
     targets: Vec<Value>,
+    /// What is a guess, in words.
+    guesses: Vec<String>,
     /// The images, added last.
     pub(super) frames: Vec<PageFrame>,
 }
@@ -56,6 +58,7 @@ impl PageScene {
             units: if is_in_pixels { "px" } else { "m" },
             cameras: entries.collect(),
             targets: scene.targets.iter().map(target_entry).collect(),
+            guesses: guesses(&scene.guesses),
             frames: Vec::new(),
         }
     }
@@ -68,6 +71,7 @@ impl PageScene {
             units: "m",
             cameras: Vec::new(),
             targets: diameters_m.iter().map(target).collect(),
+            guesses: Vec::new(),
             frames: Vec::new(),
         }
     }
@@ -81,6 +85,27 @@ impl PageScene {
             .and_then(|camera| camera["name"].as_str())
             .unwrap_or("camera")
     }
+}
+
+/// Names guesses by their keys.
+fn guesses(keys: &[String]) -> Vec<String> {
+    let mut named: Vec<String> = Vec::new();
+    for key in keys {
+        let mut parts = key.split('.');
+        let (table, name, setting) = (parts.next(), parts.next(), parts.next());
+        let text = match (table, name, setting) {
+            (Some("cameras"), Some(name), Some("world_from_camera")) => {
+                format!("the pose of {name}")
+            }
+            (Some("cameras"), Some(name), Some("model")) => format!("the lens of {name}"),
+            (Some("targets"), Some(name), Some("shape")) => format!("the size of {name}"),
+            _ => key.clone(),
+        };
+        if !named.contains(&text) {
+            named.push(text);
+        }
+    }
+    named
 }
 
 fn camera_entry(name: &str, camera: &Camera, pose: Option<Pose>, more: &PageCamera) -> Value {

@@ -7,6 +7,8 @@ mod candidate_rows;
 mod crossing_rows;
 #[cfg(feature = "studio")]
 mod earlier;
+#[cfg(feature = "studio")]
+mod examined;
 mod extras;
 mod frame_sets;
 mod latency;
@@ -74,7 +76,10 @@ pub(crate) use summary::FILE as SUMMARY;
 pub(crate) use tracked::Tracked;
 pub(crate) use watch::Watch;
 #[cfg(feature = "studio")]
-pub(crate) use {marks::CONTOUR_POINTS, watch::written as mark_written};
+pub(crate) use {
+    examined::Examined, marks::CONTOUR_POINTS, watch::noted as note_written,
+    watch::written as mark_written,
+};
 
 /// Where results go, and optional outputs.
 #[derive(Debug, Clone)]
@@ -338,7 +343,7 @@ pub(crate) fn run_steps(
             &open,
             &outcome,
             (&series, &missed),
-            pool.current_num_threads(),
+            (pool.current_num_threads(), smoothed.is_some()),
         )?);
         if options.plots {
             files.extend(series.draw(folder, &open.scene, &[])?);

@@ -24,7 +24,7 @@ pub(crate) fn write(
     open: &OpenScene,
     outcome: &Outcome,
     (series, missed): (&SeriesCollector, &MissedFrames),
-    threads: usize,
+    (threads, is_smoothed): (usize, bool),
 ) -> Result<PathBuf> {
     let mut decoding_s = 0.0;
     let mut cameras = Map::new();
@@ -64,6 +64,7 @@ pub(crate) fn write(
         "scene": scene_path.to_string_lossy().into_owned(),
         "seed": open.scene.seed,
         "threads": threads,
+        "smoothed": is_smoothed,
         "frame_sets": outcome.frame_sets,
         "max_delay_s": open.scene.max_delay_s,
         "interrupted": outcome.interrupted,

@@ -5,13 +5,16 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Result;
+use pardalis::tracker::Verdict;
 use pardalis::{CameraId, Frame, Tracker};
 use pardalis_scene::Scene;
 use pardalis_studio::{Feed, Lines};
 use serde_json::{Map, Value, json};
 
 use super::camera_rows::{moving, numbers_of};
+use super::examined::Examined;
 use super::marks::Marker;
+use super::missed;
 use super::pictures::Pictures;
 use super::recording::Recording;
 use super::rows::{HEADER, write_row};
@@ -41,6 +44,8 @@ pub(crate) struct Watch {
     rows: Arc<Mutex<RowsSoFar>>,
     /// Keeps the images.
     recording: Option<Recording>,
+    /// Keeps what is examined in recorded images.
+    examined: Option<Examined>,
 }
 
 /// The last rows, as in `tracks.csv`.
@@ -61,7 +66,22 @@ impl Watch {
             lines: lines.clone(),
             rows: Arc::default(),
             recording: None,
+            examined: None,
         }
+    }
+
+    /// Also keeps what is examined in recorded images.
+    pub(crate) fn examined(mut self, examined: Examined) -> Self {
+        self.examined = Some(examined);
+        self
+    }
+
+    /// Replaces the rows by those of a text as in `tracks.csv`, which has as many.
+    pub(crate) fn replace_rows(&self, text: &str) {
+        let rows = text.lines().skip(1);
+        let mut so_far = self.so_far();
+        let dropped = so_far.dropped;
+        so_far.rows = rows.skip(dropped).map(str::to_owned).collect();
     }
 
     /// Also keeps the images.
@@ -165,6 +185,12 @@ impl Sink for WatchSink {
         if let Some(recording) = &self.watch.recording {
             recording.take(instant);
         }
+        if let (Some(examined), None) = (&self.watch.examined, instant.captured_s) {
+            for (camera, frame) in instant.frames {
+                let notes = self.marker.notes(instant, CameraId::new(*camera))?;
+                examined.keep(*camera, frame.time_s(), notes);
+            }
+        }
         if self.watch.lines.are_read() {
             let line = open_line(instant, &self.marker.targets);
             self.watch.lines.send(line);
@@ -257,11 +283,12 @@ impl WatchSink {
         let id = CameraId::new(camera);
         let marks = self.marker.marks(instant, id)?;
         let notes = self.marker.notes(instant, id)?;
+        let is_boxed = self.marker.targets.iter().any(missed::is_boxed);
         let about = json!({
             "index": instant.index,
             "time_s": frame.time_s(),
             "marks": marks.iter().map(written).collect::<Vec<_>>(),
-            "notes": notes.iter().map(noted).collect::<Vec<_>>(),
+            "notes": notes.iter().map(|note| noted(note, is_boxed)).collect::<Vec<_>>(),
         });
         let topic = format!("run/{}", self.cameras[camera]);
         self.pictures.show(topic, about, frame);
@@ -286,8 +313,12 @@ pub(crate) fn written(mark: &Mark) -> Value {
     json!({ "shape": shape, "color": mark.color, "points_px": points_px })
 }
 
-fn noted(note: &Note) -> Value {
-    json!({ "at_px": rounded(note.at_px), "text": note.text, "color": note.color })
+/// Returns a note for a page, likewise: of a candidate that was ruled out also why, in words.
+pub(crate) fn noted(note: &Note, is_boxed: bool) -> Value {
+    let verdict = Verdict::ALL.into_iter().find(|one| one.name() == note.text);
+    let why = verdict.filter(|verdict| *verdict != Verdict::Target);
+    let why = why.map(|verdict| missed::what(verdict, is_boxed));
+    json!({ "at_px": rounded(note.at_px), "text": note.text, "color": note.color, "why": why })
 }
 
 /// Tenths of pixels are enough to be seen.

@@ -479,6 +479,48 @@ fn a_pose_in_the_scene_is_kept_and_guesses_are_replaced() {
 }
 
 #[test]
+fn without_a_pose_the_first_guess_is_kept_and_stays_one() {
+    let text = scene("webcams-two", false, 1.0);
+    // As `init` writes it: one metre above the floor, level.
+    let guess = "[[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]";
+    let text = text.replace(
+        "fps = 25",
+        &format!("fps = 25\nworld_from_camera = {guess}"),
+    );
+    let names = ["cam1", "cam2"].map(|name| format!("\"cameras.{name}.world_from_camera\""));
+    let text = format!("guessed = [{}]\n{text}", names.join(", "));
+    let folder = folder(&[("scene.toml", text)]);
+    let arguments = [
+        "calibrate",
+        "rig",
+        "scene.toml",
+        "--corrected",
+        "scene.toml",
+    ];
+    let run = Run::pardalis(&folder, &arguments);
+    assert!(
+        run.stdout.contains("cam1 keeps the guess of its pose"),
+        "{}",
+        run.stdout
+    );
+    let new = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+    assert!(
+        new.starts_with("guessed = [\"cameras.cam1.world_from_camera\"]\n"),
+        "{new}"
+    );
+    assert_eq!(new.matches(guess).count(), 1, "{new}");
+    // The second camera is where it is beside the first.
+    let truth = poses(&data("webcams-two").join("cameras.json"));
+    let found = poses(&folder.path().join("scene-rig/rig.toml"));
+    let apart = (truth[0].inverse() * truth[1]).inverse() * (found[0].inverse() * found[1]);
+    assert!(
+        apart.rotation.angle() < 0.01 && apart.translation.vector.norm() < 0.006,
+        "{apart}"
+    );
+    assert!((found[0].translation.vector.z - 1.0).abs() < 1e-9);
+}
+
+#[test]
 fn what_does_not_determine_a_rig_is_refused_without_writing() {
     let text = scene("webcams-two", false, 1.0);
     let folder = folder(&[

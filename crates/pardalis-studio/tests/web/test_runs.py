@@ -162,6 +162,70 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
 
 
 
+def test_the_track_of_a_recording_is_smoothed(studio, jump):
+    one = studio("scene.toml", folder=jump)
+    page = one.page
+    one.step("track")
+    track(page)
+    filtered = rows_of(jump / "scene-tracks")
+    expect(page.locator("#smoothed")).to_be_hidden()
+    page.check("#smooth")
+    page.check("#page")
+    track(page)
+    expect(page.locator("#report")).to_contain_text("scene-tracks/report.html")
+    report = (jump / "scene-tracks/report.html").read_text()
+    assert report.count("data:image/jpeg") > 50
+    expect(page.locator("#smoothed")).to_be_visible()
+    smoothed = rows_of(jump / "scene-tracks")
+    # As with `track --smooth`.
+    run("track", "scene.toml", "--smooth", "-o", "out", "--no-plots", folder=jump)
+    assert smoothed == rows_of(jump / "out")
+    assert smoothed != filtered
+    with open(jump / "scene-tracks/filtered.csv") as file:
+        assert list(csv.DictReader(file)) == filtered
+    # The comparison with the run before says so, and all that is shown is smoothed.
+    expect(page.locator("#compare-with option:checked")).to_have_text("run 1: smoothed not set")
+    def furthest(row):
+        return math.dist([float(smoothed[row][f"{axis}_m"]) for axis in "xyz"], [float(filtered[row][f"{axis}_m"]) for axis in "xyz"])
+    frame = max(range(110), key=furthest)
+    assert furthest(frame) > 0.002
+    page.locator("#viewer .pv-slider").evaluate("(slider, index) => { slider.value = index; slider.dispatchEvent(new Event('input')); }", frame)
+    for axis in "xyz":
+        shown = page.locator(f'#viewer tr[data-value="{axis}"] td').first
+        expect(shown).to_contain_text(f"{float(smoothed[frame][f'{axis}_m']):.3f}".replace("-", "−"))
+    page.click("#show-pictures")
+    replay_at(page, frame)
+    expect(page.locator("#now")).to_contain_text(f"Frame {frame}, ")
+    expect(page.locator("[data-target=ball] td").nth(0)).to_have_text(f"{float(smoothed[frame]['x_m']):.3f}")
+
+
+def test_the_replay_shows_what_was_examined_and_why_it_was_ruled_out(studio, jump):
+    # A pole is looked for, and there is a ball.
+    scene = (jump / "scene.toml").read_text().replace("shape.sphere.radius_m = 0.11", "shape.cylinder = { radius_m = 0.02, height_m = 2.0 }")
+    (jump / "scene.toml").write_text(scene)
+    one = studio("scene.toml", folder=jump)
+    page = one.page
+    listen(page)
+    one.step("track")
+    page.click("#start")
+    expect(page.locator("#report")).to_contain_text("was not found in any of the 110 frames")
+    # The last frame, as the run left it.
+    expect(page.locator("#reasons li")).not_to_have_count(0)
+    with open(jump / "scene-tracks/candidates.csv") as file:
+        candidates = [row for row in csv.DictReader(file) if row["verdict"] != "same-place" and row["origin"] == "blob"]
+    for frame in (10, 60):
+        replay_at(page, frame)
+        until(lambda: page.evaluate("window.seen.get('image/cam1').index") == frame)
+        notes = page.evaluate("window.seen.get('image/cam1').notes")
+        examined = [row for row in candidates if int(row["frame"]) == frame]
+        assert len(examined) > 0
+        for row in examined:
+            at = [float(row["u_px"]), float(row["v_px"])]
+            assert any(note["text"] == row["verdict"] and math.dist(note["at_px"], at) < 0.1 for note in notes), (row, notes)
+            expect(page.locator("#reasons")).to_contain_text(row["verdict"])
+        expect(page.locator("#now")).to_contain_text("in its colours")
+
+
 def test_a_run_right_after_a_change_is_compared_with_the_one_before(studio, jump):
     one = studio("scene.toml", folder=jump)
     page = one.page

@@ -69,8 +69,10 @@ def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path, frames):
     page.mouse.click(*one.at("camera", [320, 100], (640, 480)))
     expect(page.locator("#labels li")).to_have_count(4)
     expect(page.locator("#doubts")).to_contain_text("is the outline on the object")
+    expect(page.locator("#step-colors .number")).to_have_text("!")
     page.click("#undo")
     expect(page.locator("#doubts")).to_be_hidden()
+    expect(page.locator("#step-colors .number")).to_have_text("✓")
     # Targets: its diameter, in centimetres.
     one.step("targets")
     page.fill("#diameter-ball", "20")

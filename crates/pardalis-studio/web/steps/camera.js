@@ -67,7 +67,7 @@ export const camera = {
     const fov = el("input", { type: "number", id: "fov", min: 1, max: 170, step: "any", value: fixed(one.fov_deg ?? 60, 1) });
     const files = (listing?.entries ?? []).filter(({ kind }) => kind === "folder" || kind === "text");
     const isGuess = app.state.guesses.some(({ key }) => key.startsWith(`cameras.${one.name}.model`));
-    const now = one.calibration ? `Calibrated: ${one.calibration} (${one.model}).` : isGuess ? "A typical angle of view was guessed." : `${one.model}, as the scene says.`;
+    const now = one.calibration ? `Calibrated: ${one.calibration} (${one.model}).` : isGuess ? "A typical angle of view was guessed." : one.fov_deg ? `By its angle of view, ${fixed(one.fov_deg, 1)}°. An angle that is wrong by 10 % makes distances wrong by about as much.` : `${one.model}, as the scene says.`;
     const use = async (file, of = null) => {
       const answer = await app.change("set_calibration", { camera: one.name, file, of });
       several = answer?.choose ? { file, names: answer.choose, camera: one.name } : null;

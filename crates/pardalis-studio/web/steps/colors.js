@@ -51,6 +51,7 @@ export const colors = {
   id: "colors",
   title: "Colours",
   isBegun: ({ state }) => state.targets.some(({ samples }) => samples.length > 0),
+  isDoubtful: ({ state }) => state.targets.some((target) => doubtsAbout(target).length > 0),
   isDone: ({ state }) => state.targets.length > 0 && state.targets.every((target) => target.has_colors),
   enter: (app) => mark(app),
   hint: (app) => {
@@ -120,7 +121,7 @@ export const colors = {
       samples.length > 0 && [el("h3", {}, `Labels of ${target.name}`), el("ul", { class: "rows", id: "labels" }, samples)],
       doubts.length > 0 && el("p", { class: "bad", id: "doubts" }, doubts.join(" ")),
       samples.length > 0 && el("label", { class: "check" }, toggle, "Show everything that has these colours"),
-      isMarked && about && el("p", { class: "now", id: "share" }, `${(100 * about.share).toFixed(2)} % of this image. Of the labelled object ${Math.round(100 * about.found)} % is found; of the rest ${(100 * about.mistaken).toFixed(2)} % is mistaken for it.`),
+      isMarked && about && el("p", { class: "now", id: "share" }, `${(100 * about.share).toFixed(2)} % of this image. Of the labelled object ${Math.round(100 * about.found)} % is found; of the rest ${(100 * about.mistaken).toFixed(2)} % has its colours, too: ${about.mistaken > MOST_MISTAKEN ? "that is too much." : "that is usual, and the outline tells them apart."}`),
       targets.length > 0 && disclosure("another-target", "Another object", add),
     ];
   },

@@ -40,5 +40,7 @@ export function settingsControl(app) {
     const size = Number.isFinite(radius_m) && el("input", { type: "number", id: `run-diameter-${name}`, min: 0, step: "any", value: Number((200 * radius_m).toPrecision(6)), onchange: setSize });
     return el("div", { class: "row" }, field(`${name}: particles`, whole(`targets.${name}.filter.particles`, `particles-${name}`, particles, 1)), size && field("Diameter in cm", size));
   });
-  return disclosure("settings", "Change a setting", [field("Seed", whole("seed", "seed", app.state.seed, 0)), targets]);
+  const seed = field("Seed", whole("seed", "seed", app.state.seed, 0), "Another seed draws other random numbers: it shows how much of a result is chance.");
+  const particles = el("p", { class: "none" }, "Particles are the hypotheses of where a target is: more take longer, and follow abrupt motion better.");
+  return disclosure("settings", "Change a setting", [seed, targets, targets.length > 0 && particles]);
 }

@@ -5,7 +5,7 @@ import { button, el } from "../elements.js";
 /** Whether the images of the next run are kept. */
 let isOn = false;
 
-const hasLive = (app) => app.state.cameras.some(({ source }) => source?.is_live);
+export const hasLive = (app) => app.state.cameras.some(({ source }) => source?.is_live);
 
 /** Whether the next run is recorded. */
 export const records = (app) => isOn && hasLive(app);

@@ -5,7 +5,7 @@ import { ask } from "../connection.js";
 import { button, disclosure, el, fixed, instant } from "../elements.js";
 import { drawMarks } from "../picture.js";
 import { compareControl, settingsControl } from "./compare.js";
-import { recordControl, recordedText, recordingControl, records } from "./record.js";
+import { hasLive, recordControl, recordedText, recordingControl, records } from "./record.js";
 import { canReplay, replayBar, replayedNow, updateReplay } from "./replay.js";
 
 /** How often rows are fetched while the viewer is shown. */
@@ -16,6 +16,10 @@ let isViewer = false;
 let viewer = null;
 let next = 0;
 let fetching = null;
+
+/** Whether the track of the next run is smoothed, and whether a page of it is written. */
+let isSmooth = false;
+let isPaged = false;
 
 /** Whether frames of recordings are shown again, in place of the last images of the run. */
 let isReplay = false;
@@ -46,7 +50,7 @@ async function compareWith(app, number) {
 function start(app) {
   choosesLast = Boolean(app.state.run);
   kept = app.state.run?.earlier?.at(-1)?.number ?? 0;
-  return app.change("track", { record: records(app) });
+  return app.change("track", { record: records(app), smooth: isSmooth && !hasLive(app), page: isPaged && !hasLive(app) });
 }
 
 function chooseLast(app) {
@@ -125,6 +129,28 @@ function histogram({ limits, counts }) {
   return [el("h3", {}, "Time per frame"), el("div", { class: "histogram", role: "img", "aria-label": `Half of the frames took up to ${half} ms` }, bars), el("p", { class: "axis" }, el("span", {}, `${limits[0]} ms`), el("span", {}, `half up to ${half} ms`), el("span", {}, `${limits.at(-1)} ms`))];
 }
 
+/** The choices before a run of recordings; live cameras have no end, and do not wait. */
+function endControl(app) {
+  if (hasLive(app)) return null;
+  const smooth = el("input", { type: "checkbox", id: "smooth", checked: isSmooth, onchange: () => (isSmooth = smooth.checked) });
+  const page = el("input", { type: "checkbox", id: "page", checked: isPaged, onchange: () => (isPaged = page.checked) });
+  return [
+    el("label", { class: "check", title: "Each position then also takes account of what came after it: it is more accurate." }, smooth, "Smooth the track at the end"),
+    el("label", { class: "check", title: "One file with pictures, 3D view and plots, which can be sent and opened in any browser." }, page, "Write a page of it, with pictures"),
+  ];
+}
+
+/** Why places in the pictures were ruled out, each reason once; none while the picture says it all. */
+function ruledOut(app, isMissing) {
+  const topic = (name) => (isReplay && canReplay(app) ? name : `run/${name}`);
+  const notes = app.state.cameras.flatMap(({ name }) => app.images.get(topic(name))?.about.notes ?? []);
+  const reasons = new Map(notes.filter(({ why }) => why).map(({ text, why }) => [text, why]));
+  if (!isMissing || reasons.size === 0) return null;
+  return [el("p", { class: "none" }, "What was examined in this frame, and ruled out:"), el("ul", { class: "reasons", id: "reasons" }, [...reasons].map(([text, why]) => el("li", {}, el("code", {}, text), ` ${why}`)))];
+}
+
+const isMissing = ({ state }) => state === "searching" || state === "lost";
+
 export const track = {
   id: "track",
   title: "Track",
@@ -138,7 +164,8 @@ export const track = {
     const image = app.state.run && app.images.get(isReplay ? name : `run/${name}`);
     return image && { ...image, isOfRun: true };
   },
-  pictureKey: (app) => [isViewer, canReplay(app)],
+  // Rows that are smoothed replace those that the viewer has.
+  pictureKey: (app) => [isViewer, canReplay(app), Boolean(app.state.run?.is_smoothed)],
   hidesPictures: () => isViewer,
   above: (app) => {
     const tab = (is, text, id) => button(text, () => { isViewer = is; app.render(); }, { id, "aria-pressed": String(isViewer === is), disabled: is && !app.state.run });
@@ -190,10 +217,11 @@ export const track = {
           : button(run ? "Track again" : "Track", () => start(app), { id: "start", class: "primary" }),
         !app.state.is_saved && button("Save the scene", () => app.change("save").then((answer) => answer && app.say("Saved.")), { id: "save-here" }),
       ),
-      !watched && !goes && recordControl(app),
+      !watched && !goes && [recordControl(app), endControl(app)],
       !watched && run && !goes && [recordingControl(app), compareControl(app, other, (number) => compareWith(app, number)), settingsControl(app)],
       el("div", { id: "now" }, nowOf(app)),
       run?.error && el("p", { class: "bad", id: "run-error" }, run.error),
+      run?.is_smoothed && el("p", { class: "none", id: "smoothed" }, "The track is smoothed; filtered.csv has it as it was while tracking."),
       run?.report && disclosure("report-of-run", "Report", el("pre", { id: "report" }, run.report), true),
     ];
   },
@@ -207,14 +235,15 @@ function nowOf(app) {
   if (!app.state.run || !now) return [];
   if (isReplay && canReplay(app)) {
     const about = replayedNow(app);
-    return about?.targets ? [el("p", { class: "time" }, `Frame ${about.index}, ${instant(about.time_s)}, replayed`), ...about.targets.map(targetRow)] : [];
+    if (!about?.targets) return [];
+    return [el("p", { class: "time" }, `Frame ${about.index}, ${instant(about.time_s)}, replayed`), about.targets.map(targetRow), ruledOut(app, about.targets.some(isMissing))].flat(9).filter(Boolean);
   }
   const age = now.age_s === null ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
   const recorded = app.state.run.goes_on && now.recording ? recordedText(now.recording) : [];
   const silent_s = silentFor_s(app);
   const silence = silent_s >= SILENT_S && el("p", { class: "bad", id: "silence" }, `No new frame for ${silent_s} s: these values are old.`);
   const of = app.state.run.goes_on ? "" : "At the end: ";
-  return [...recorded, silence, el("p", { class: "time" }, `${of}Frame ${now.frame}, ${instant(now.time_s)}${age}`), now.targets.map(targetRow), histogram(now.tracking_ms)].flat();
+  return [...recorded, silence, el("p", { class: "time" }, `${of}Frame ${now.frame}, ${instant(now.time_s)}${age}`), now.targets.map(targetRow), ruledOut(app, now.targets.some(isMissing)), histogram(now.tracking_ms)].flat(9).filter(Boolean);
 }
 
 function updateNow(app) {

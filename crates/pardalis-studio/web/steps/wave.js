@@ -54,8 +54,14 @@ function report(app, { rows, notes, warnings }) {
     ),
     warnings.length > 0 && el("ul", { class: "problems" }, warnings.map((warning) => el("li", { class: "warning" }, warning))),
     disclosure("rig-notes", "What the figures mean", notes.map((note) => el("p", { class: "none" }, note))),
-    button("Use it", async () => (await app.change("use_rig")) && app.say("The poses are in the scene."), { id: "use-rig", class: "primary", disabled: !app.state.can_use_rig }),
+    button("Use it", () => use(app), { id: "use-rig", class: "primary", disabled: !app.state.can_use_rig }),
   ];
+}
+
+async function use(app) {
+  if (!(await app.change("use_rig"))) return;
+  const isGuessed = app.state.guesses.some(({ step }) => step === "pose");
+  app.say(`The poses are in the scene.${isGuessed ? " Where the room is remains a guess." : ""}`);
 }
 
 /** Returns the radius of a ball in metres; null if it is unknown or missing. */
@@ -80,7 +86,9 @@ export function renderWave(app, points) {
   const isLive = app.state.cameras.some(({ source }) => source?.is_live);
   const isGuessed = app.state.guesses.some(({ step }) => step === "camera");
   const isPosed = app.state.cameras.some(({ has_pose: hasPose }) => hasPose);
-  const nameOf = (id) => (id === "points" ? `${WORLDS.points} (${count})` : id === "scene" && isPosed ? "The first camera that has a pose" : WORLDS[id]);
+  const isGuessedPose = app.state.guesses.some(({ step }) => step === "pose");
+  const ofScene = isPosed ? "The first camera that has a pose" : isGuessedPose ? "Nothing: the first camera is taken to be level" : WORLDS.scene;
+  const nameOf = (id) => (id === "points" ? `${WORLDS.points} (${count})` : id === "scene" ? ofScene : WORLDS[id]);
   const where = world ?? (count > 0 ? "points" : "scene");
   if (rig?.goes_on) {
     const stop = (isCancelled) => app.change("stop_waving", { is_cancelled: isCancelled });

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+import shutil
 
 import pytest
 from PIL import Image
@@ -150,10 +151,13 @@ def test_keys_choose_views(report, open_page):
     assert picture(page.locator(".pv-canvas")).tobytes() == before
 
 
-@pytest.mark.parametrize("width", [900, 400])
+@pytest.mark.parametrize("width", [1000, 900, 400])
 def test_narrow_windows_do_not_scroll_sideways(report, open_page, width):
     page = open_page(report[0], width=width)
     settle(page)
+    # Nor do the values leave their panel.
+    panel, values = (page.locator(part).first.bounding_box() for part in (".pv-panel", ".pv-vectors"))
+    assert values["x"] + values["width"] <= panel["x"] + panel["width"]
     assert page.evaluate("document.documentElement.scrollWidth") == width
     canvas = page.locator(".pv-canvas").bounding_box()
     assert canvas["width"] > 0.5 * width and canvas["height"] > 300
@@ -170,6 +174,8 @@ def test_dark_mode_has_dark_paper_and_light_ink(report, open_page):
     light.emulate_media(color_scheme="dark")
     settle(light)
     assert sum(picture(light.locator(".pv-scene")).resize((1, 1)).getpixel((0, 0))) / 3 < 60
+    dots = [page.locator('[data-value="state"] .pv-dot').evaluate("(dot) => dot.style.background") for page in (light, dark)]
+    assert dots[0] == dots[1] != ""
 
 
 def test_rows_without_estimates_leave_gaps(view, open_page):
@@ -435,6 +441,19 @@ def test_cameras_that_move_are_where_they_were_also_live(pardalis, tmp_path, ope
         assert page.evaluate("live.stage.cameras[0].line.geometry.attributes.position.count") == 2 * (end - 1)
     page.evaluate("live.setTime(0.2)")
     assert page.evaluate("camera()") == pytest.approx(poses[5], abs=1e-9)
+
+
+def test_guesses_are_named_beside_what_follows_from_them(pardalis, tmp_path, open_page):
+    pardalis("init", REPOSITORY / "data/dioptric-jump/frames", "--camera", "pinhole", "--fps", 25, "--colors", tmp_path / "ball.colors.toml", "-o", tmp_path / "scene.toml")
+    shutil.copy(REPOSITORY / "data/colors/orange-ball.hsi.colors.toml", tmp_path / "ball.colors.toml")
+    pardalis("track", tmp_path / "scene.toml", "-o", tmp_path / "out", "--frames", 5, "--no-plots", "--report")
+    page = open_page((tmp_path / "out/report.html").as_uri())
+    expected = "Positions are only as right as these guesses: the pose of camera, the lens of camera, the size of ball."
+    assert page.locator(".pv-guesses").inner_text() == expected
+
+
+def test_scenes_without_guesses_name_none(report, open_page):
+    assert not open_page(report[0]).locator(".pv-guesses").is_visible()
 
 
 def test_live_rows_are_followed_until_the_user_goes_back(report, open_page):

@@ -408,8 +408,8 @@ impl Shared {
     }
 
     fn show(&self, number: usize, frame: Frame) -> Result<()> {
-        let [marks, targets] = self.replayed.at(&self.camera, frame.time_s());
-        let about = json!({ "index": number, "time_s": frame.time_s(), "marks": marks, "targets": targets });
+        let [marks, notes, targets] = self.replayed.at(&self.camera, frame.time_s());
+        let about = json!({ "index": number, "time_s": frame.time_s(), "marks": marks, "notes": notes, "targets": targets });
         let jpeg = jpeg_of(&picture_of(&frame))?;
         self.seen().shown = Some((number, frame));
         let topic = format!("image/{}", self.camera);

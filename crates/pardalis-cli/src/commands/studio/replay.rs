@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use crate::draw::overlay::{Mark, Shape};
 use crate::tables::{Series, TrackRow, read_tracks};
 use crate::tracking::radius::EstimatedRadius;
-use crate::tracking::{CONTOUR_POINTS, Run, mark_written};
+use crate::tracking::{CONTOUR_POINTS, Examined, Run, mark_written, missed, note_written};
 
 /// Times that differ by less than this, in seconds, are the same.
 const SAME_TIME_S: f64 = 1e-6;
@@ -36,15 +36,21 @@ impl Replayed {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = replay;
     }
 
-    /// Returns what is drawn over the image of a camera at a time, and the targets then, as in a run; neither without a run.
-    pub(super) fn at(&self, camera: &str, time_s: f64) -> [Value; 2] {
+    /// Returns what is drawn over the image of a camera at a time, what was examined in it, and the targets then, as in a run; nothing without a run.
+    pub(super) fn at(&self, camera: &str, time_s: f64) -> [Value; 3] {
         let replay = self
             .0
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .clone();
-        let at = |replay: Arc<Replay>| [replay.marks(camera, time_s), replay.targets(time_s)];
-        replay.map_or([Value::Null, Value::Null], at)
+        let at = |replay: Arc<Replay>| {
+            [
+                replay.marks(camera, time_s),
+                replay.notes(camera, time_s),
+                replay.targets(time_s),
+            ]
+        };
+        replay.map_or([Value::Null, Value::Null, Value::Null], at)
     }
 }
 
@@ -57,6 +63,7 @@ pub(super) struct Replay {
     poses: Vec<Vec<(f64, Pose)>>,
     targets: Vec<TargetConfig>,
     run: Outlined,
+    examined: Examined,
     other: Mutex<Outlined>,
 }
 
@@ -75,8 +82,8 @@ impl std::fmt::Debug for Replay {
 }
 
 impl Replay {
-    /// Takes over a run with its rows.
-    pub(super) fn of(run: Run, rows: &Path) -> Result<Self> {
+    /// Takes over a run with its rows and what was examined in its images.
+    pub(super) fn of(run: Run, rows: &Path, examined: Examined) -> Result<Self> {
         let targets = run.open.scene.targets.clone();
         let mut diameters_m = BTreeMap::new();
         for (number, target) in targets.iter().enumerate() {
@@ -95,6 +102,7 @@ impl Replay {
                 tracks: read_tracks(rows)?,
                 diameters_m,
             },
+            examined,
             other: Mutex::default(),
             tracker: run.open.tracker,
         })
@@ -130,6 +138,14 @@ impl Replay {
         };
         let runs = [(&*other, COLORS[1]), (&self.run, COLORS[0])];
         runs.into_iter().flat_map(outlined).collect()
+    }
+
+    fn notes(&self, camera: &str, time_s: f64) -> Value {
+        let number = self.cameras.iter().position(|name| name == camera);
+        let notes = number.map(|number| self.examined.at(number, time_s));
+        let is_boxed = self.targets.iter().any(missed::is_boxed);
+        let written = |note| note_written(note, is_boxed);
+        notes.iter().flatten().map(written).collect()
     }
 
     /// Returns the state of each target at a time: see [`Watch`](crate::tracking::Watch).

@@ -17,6 +17,8 @@ use crate::commands::calibrate::rig::{CalibratedRig, Known, Task};
 use crate::commands::calibrate::time::detect::Until;
 use crate::draw::picture::{jpeg_of, picture_of};
 use crate::interrupt::Stop;
+use crate::scene::Live;
+use crate::source::{Source, SourceConfig};
 use crate::timing::now_s;
 use crate::user_error::user_error;
 
@@ -94,14 +96,17 @@ impl Session {
             done: None,
         }));
         let stop = Stop::default();
-        // Live cameras can be open only once.
-        inner.players.retain(|_, player| !player.is_live());
+        // Live cameras can be open only once, and some senders serve one connection.
+        let live = inner.players.extract_if(.., |_, player| player.is_live());
+        let open = live.filter_map(|(_, player)| player.into_source());
+        let open = open.collect();
         let work = Work {
             session: Weak::clone(&self.me),
             shared: Arc::clone(&shared),
             target: of.target,
             known,
             refine_focal: of.refine_focal,
+            open,
             until: Until {
                 duration_s,
                 stop: stop.clone(),
@@ -181,6 +186,8 @@ struct Work {
     target: String,
     known: Known,
     refine_focal: bool,
+    /// The live cameras.
+    open: Vec<(SourceConfig, Source)>,
     until: Until,
 }
 
@@ -203,7 +210,11 @@ impl Work {
             until: self.until,
         };
         let (weak, shared) = (&self.session, &self.shared);
-        let done = CalibratedRig::of(&task, &|name, frame, detections| {
+        let mut live = Live {
+            open: self.open,
+            ..Live::default()
+        };
+        let done = CalibratedRig::of(&task, &mut live, &|name, frame, detections| {
             see(weak, shared, name, frame, detections);
         });
         let mut seen = lock(shared);
@@ -215,6 +226,7 @@ impl Work {
         drop(seen);
         if let Some(session) = weak.upgrade() {
             session.feed.show("rig", &about);
+            session.inner().open = live.open;
             session.follow();
             session.tell();
         }

@@ -17,7 +17,7 @@ use crate::output::Shown as _;
 use crate::scene::{self, Live};
 use crate::source::{Source, SourceConfig};
 use crate::tracking::{
-    self, Annotate, Limit, Options, Output, Previous, ROWS, Recording, Run, Watch,
+    self, Annotate, Examined, Limit, Options, Output, Previous, ROWS, Recording, Run, Watch,
 };
 
 /// A run, or what came of it.
@@ -28,6 +28,16 @@ pub(super) struct Running {
     recording: Option<Recording>,
     outcome: Arc<Mutex<Option<Outcome>>>,
     pub(super) thread: Option<JoinHandle<()>>,
+}
+
+/// What a run does beside tracking.
+pub(super) struct Wanted {
+    /// Where the images of live cameras are kept.
+    pub(super) recording: Option<Recording>,
+    /// Whether the track is smoothed at the end.
+    pub(super) smooth: bool,
+    /// Whether a page with pictures is written, as by `track --annotate --report`.
+    pub(super) page: bool,
 }
 
 /// What came of a run.
@@ -47,6 +57,7 @@ struct Done {
     radii: Value,
     /// The earlier runs.
     earlier: Value,
+    is_smoothed: bool,
     replay: Option<Arc<Replay>>,
 }
 
@@ -56,34 +67,47 @@ impl Running {
         path: &Path,
         scene: Scene,
         watch: Watch,
-        (recording, open): (Option<Recording>, Vec<(SourceConfig, Source)>),
+        wanted: Wanted,
+        open: Vec<(SourceConfig, Source)>,
         ended: impl FnOnce(Vec<(SourceConfig, Source)>) + Send + 'static,
     ) -> Result<Self> {
+        let Wanted {
+            recording,
+            smooth,
+            page,
+        } = wanted;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let folder = path.with_file_name(format!("{stem}-tracks"));
         let stop = Stop::default();
         let outcome = Arc::new(Mutex::new(None));
+        let examined = Examined::default();
         let options = Options {
             output: Output::Folder(folder.clone()),
             seed: None,
             threads: Threads::default(),
-            annotate: Annotate::No,
+            annotate: if page { Annotate::Trails } else { Annotate::No },
             explain: true,
             particles: None,
             mcap: None,
             send: Vec::new(),
-            smooth: false,
+            smooth,
             plots: true,
-            report: false,
+            report: page,
             progress: false,
             previous: Previous::Number,
             limit: Limit::default(),
             stop: stop.clone(),
-            watch: Some(watch.clone().recorded(recording.clone())),
+            watch: Some(
+                watch
+                    .clone()
+                    .recorded(recording.clone())
+                    .examined(examined.clone()),
+            ),
         };
         let (path, stopped) = (path.to_owned(), stop.clone());
         let recorded = recording.clone();
         let (result, results) = (Arc::clone(&outcome), folder.clone());
+        let shown = watch.clone();
         let thread = std::thread::Builder::new()
             .name("run".to_owned())
             .spawn(move || {
@@ -93,11 +117,15 @@ impl Running {
                 };
                 let mut run = scene::open_with(&path, scene, None, &[], &mut live)
                     .and_then(|open| tracking::run_open(&path, open, &options));
-                let open = run.as_mut().map(|run| live_sources(run, &path));
+                let open = run.as_mut().map(|run| run.open.take_live(&path));
                 let open = open.unwrap_or_default();
                 recorded.iter().for_each(Recording::finish);
                 let outcome = match run {
                     Ok(run) => {
+                        let rows = results.join(ROWS);
+                        if let (true, Ok(text)) = (smooth, std::fs::read_to_string(&rows)) {
+                            shown.replace_rows(&text);
+                        }
                         let text = format!(
                             "{}\n{}",
                             run_report::warnings(&run),
@@ -107,8 +135,9 @@ impl Running {
                             text,
                             radii: radii_of(&run),
                             earlier: earlier::list(&results),
+                            is_smoothed: smooth,
                             // Without rows there is nothing to replay.
-                            replay: Replay::of(run, &results.join(ROWS)).ok().map(Arc::new),
+                            replay: Replay::of(run, &rows, examined).ok().map(Arc::new),
                         })
                     }
                     // It has results nevertheless.
@@ -177,20 +206,11 @@ impl Running {
             about["report"] = json!(done.text.trim());
             about["radii"] = done.radii;
             about["earlier"] = done.earlier;
+            about["is_smoothed"] = json!(done.is_smoothed);
             about["can_replay"] = json!(done.replay.is_some());
         }
         about
     }
-}
-
-/// Takes the live sources from a run of the scene in the file at `path`, with their settings.
-fn live_sources(run: &mut Run, path: &Path) -> Vec<(SourceConfig, Source)> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let sources = run.open.sources.drain(..);
-    let sources = run.open.scene.cameras.iter().zip(sources);
-    let live = sources.filter(|(_, source)| source.is_live());
-    live.filter_map(|(camera, source)| Some((scene::source_config(camera, folder).ok()?, source)))
-        .collect()
 }
 
 /// Returns the radii that the cameras estimated, and whether they contradict the scene.

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::earlier;
 use super::edits::with_images;
-use super::running::Running;
+use super::running::{Running, Wanted};
 use super::session::Session;
 use super::waved::Waved;
 use crate::output::Shown as _;
@@ -31,6 +31,12 @@ pub(super) struct Tracked {
     /// Whether the images of live cameras are kept.
     #[serde(default)]
     record: bool,
+    /// Whether the track is smoothed at the end.
+    #[serde(default)]
+    smooth: bool,
+    /// Whether a page with pictures is written.
+    #[serde(default)]
+    page: bool,
 }
 
 /// Begins the recording of the live cameras of a scene, beside its file.
@@ -126,7 +132,12 @@ impl Session {
             &path,
             scene,
             Watch::of(&self.feed, &self.lines),
-            (recording, open),
+            Wanted {
+                recording,
+                smooth: tracked.smooth,
+                page: tracked.page,
+            },
+            open,
             ended,
         )?);
         Ok(())

@@ -68,7 +68,13 @@ impl Seen {
         });
         let report = self.done.as_ref().and_then(|done| {
             let report = done.as_ref().ok()?.report();
-            Some(json!({ "rows": report.rows(), "notes": report.notes(), "warnings": report.warnings() }))
+            let [notes, warnings] = [report.notes(), report.warnings()].map(|texts| {
+                texts
+                    .iter()
+                    .map(|text| without_options(text))
+                    .collect::<Vec<_>>()
+            });
+            Some(json!({ "rows": report.rows(), "notes": notes, "warnings": warnings }))
         });
         json!({
             "goes_on": self.goes_on,
@@ -76,12 +82,38 @@ impl Seen {
             "elapsed_s": now_s() - self.began_s,
             "duration_s": self.duration_s,
             "report": report,
-            "error": self.done.as_ref().and_then(|done| done.as_ref().err()),
+            "error": self.done.as_ref().and_then(|done| Some(without_options(done.as_ref().err()?))),
         })
     }
+}
+
+/// Returns a text without the options of the command line in brackets, in place of which a page has controls.
+fn without_options(text: &str) -> String {
+    let mut parts = text.split(" (--");
+    let mut kept = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        kept.push_str(part.split_once(')').map_or("", |(_, rest)| rest));
+    }
+    kept
 }
 
 pub(super) fn lock(shared: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
     // Each change is whole.
     shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_of_the_command_line_are_left_out() {
+        let text =
+            "lay it (in view), or check its description (--board); give points (--points) or more";
+        assert_eq!(
+            without_options(text),
+            "lay it (in view), or check its description; give points or more"
+        );
+        assert_eq!(without_options("as it is"), "as it is");
+    }
 }

@@ -64,6 +64,8 @@ pub(super) struct World {
     pub(super) because: String,
     /// A known point that may be wrong, and why.
     pub(super) doubt: Option<String>,
+    /// The number of the camera whose guessed pose it follows from.
+    pub(super) guess: Option<usize>,
 }
 
 impl Alignment {
@@ -159,6 +161,7 @@ impl Alignment {
             aligned,
             because: format!("{place} says where the world is; {rms} remain (root mean square)"),
             doubt,
+            guess: None,
         };
         let scale_sigma = libm::hypot(ball.tolerance, OUTLINE_SIGMA);
         match self {
@@ -216,7 +219,7 @@ fn farthest<'s>(
     points.reduce(|farthest, next| if next.0 > farthest.0 { next } else { farthest })
 }
 
-/// Returns the world in which the first camera with a pose has it; without one, the frame of the first camera.
+/// Returns the world in which the first camera with a pose has it; without one, the first with a guess has that, or else the frame of the first camera.
 fn world_of_scene(scene: &Scene, found: &BallRigCalibration) -> World {
     let posed = scene.cameras.iter().zip(&found.cameras);
     let posed: Vec<(&pardalis_scene::CameraConfig, Pose)> = posed
@@ -224,6 +227,23 @@ fn world_of_scene(scene: &Scene, found: &BallRigCalibration) -> World {
         .map(|(config, camera)| (config, camera.world_from_camera))
         .collect();
     let Some((first, rig_from_camera)) = posed.first() else {
+        let is_guess = |config: &pardalis_scene::CameraConfig| {
+            let key = format!("cameras.{}.world_from_camera", config.name);
+            scene.guesses.contains(&key)
+        };
+        if let Some(guess) = scene.cameras.iter().position(is_guess) {
+            let config = &scene.cameras[guess];
+            let rig_from_camera = found.cameras[guess].world_from_camera;
+            return World {
+                aligned: rigid(config.world_from_camera * rig_from_camera.inverse(), None),
+                because: format!(
+                    "{name} keeps the guess of its pose, because nothing says where the world is: replace it by a pose, or give known points (--points) or a board (--board)",
+                    name = config.name
+                ),
+                doubt: None,
+                guess: Some(guess),
+            };
+        }
         let name = &scene.cameras[0].name;
         return World {
             aligned: rigid(Pose::identity(), None),
@@ -231,6 +251,7 @@ fn world_of_scene(scene: &Scene, found: &BallRigCalibration) -> World {
                 "the frame of {name} is the world (x right, y down, z forward), because nothing says where else it is: give {name} a pose, known points (--points) or a board (--board)"
             ),
             doubt: None,
+            guess: None,
         };
     };
     // The cameras' distances from their middle tell the scale.
@@ -253,6 +274,7 @@ fn world_of_scene(scene: &Scene, found: &BallRigCalibration) -> World {
         ),
         because: format!("{} keeps the pose that it has in the scene", first.name),
         doubt: None,
+        guess: None,
     }
 }
 

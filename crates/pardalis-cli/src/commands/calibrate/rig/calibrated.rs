@@ -19,7 +19,7 @@ use super::super::time::target;
 use super::align::{Alignment, Ball, Known, World};
 use super::report::{self, Report};
 use crate::output::Shown;
-use crate::scene;
+use crate::scene::{self, Live};
 use crate::scene_files::read_calibration;
 use crate::user_error::user_error;
 
@@ -46,11 +46,13 @@ pub(in crate::commands) struct CalibratedRig {
 }
 
 impl CalibratedRig {
-    /// Detects the ball and calibrates the rig. Calls `seen` with each frame and the name of its camera.
+    /// Detects the ball and calibrates the rig. Calls `seen` with each frame and the name of its camera. Takes live cameras that are open already, and leaves them
+    /// there at the end, unless they fail.
     ///
     /// Errors: the scene has problems, or the detections do not determine the rig, with the remedy.
     pub(in crate::commands) fn of(
         task: &Task,
+        live: &mut Live,
         seen: &(impl Fn(&str, &Frame, &[Detection]) + Sync),
     ) -> Result<Self> {
         let path = task.path;
@@ -59,27 +61,25 @@ impl CalibratedRig {
         let number = target(path, &read, task.target)?;
         let ball = ball(path, &read, number)?;
         let alignment = Alignment::known(&task.known, &read)?;
-        let mut live = scene::Live {
-            stop: task.until.stop.clone(),
-            ..scene::Live::default()
-        };
-        let mut open = scene::open_with(path, read, None, &[], &mut live)?;
+        live.stop = task.until.stop.clone();
+        let mut open = scene::open_with(path, read, None, &[], live)?;
         let alignment = match &task.known {
             Known::Board(board) => Alignment::on_board(&mut open.sources, board)?,
             _ => alignment,
         };
         let body = &open.scene.targets[number].bodies[0];
         let detector = ball_settings(body, scene::colors(path, body)?);
-        let views = open.tracker.views();
         let frames = detect(
             &mut open.sources,
-            views,
+            open.tracker.views(),
             (&body.shape, &detector),
             &task.until,
             &|number: usize, frame: &Frame, detections: &[Detection]| {
                 seen(&open.scene.cameras[number].name, frame, detections);
             },
-        )?;
+        );
+        live.open = open.take_live(path);
+        let (frames, views) = (frames?, open.tracker.views());
         let configs = open.scene.cameras.iter().zip(views).zip(frames);
         let cameras: Vec<TimedCamera> = configs
             .map(|((config, view), frames)| TimedCamera {
@@ -133,7 +133,7 @@ impl CalibratedRig {
         let calibrated = self.report().calibrated();
         let mut settings = Vec::new();
         let configs = self.scene.cameras.iter().zip(&calibrated);
-        for ((config, camera), of) in configs.zip(&self.found.cameras) {
+        for (number, ((config, camera), of)) in configs.zip(&self.found.cameras).enumerate() {
             let mut set = |key, value| {
                 settings.push(CameraSetting {
                     camera: &config.name,
@@ -157,7 +157,8 @@ impl CalibratedRig {
                     set(key, value);
                 }
             }
-            if !is_posed || has("world_from_camera") {
+            let is_guess = self.world.guess == Some(number);
+            if !is_guess && (!is_posed || has("world_from_camera")) {
                 set("world_from_camera", report::pose_value(camera));
             }
             set(

@@ -17,7 +17,7 @@ use crate::board::parse_board;
 use crate::commands::init::shown_path;
 use crate::files::write_file;
 use crate::output::{Shown, print};
-use crate::scene;
+use crate::scene::{self, Live};
 use crate::user_error::user_error;
 pub(in crate::commands) use align::Known;
 pub(in crate::commands) use calibrated::{CalibratedRig, Task};
@@ -29,7 +29,7 @@ pub(in crate::commands) use calibrated::{CalibratedRig, Task};
 /// in the scene. Record half a minute of the ball in all places that two or more cameras share, near and far, up and down.
 ///
 /// Known points (--points) or a board (--board) say where the world is. Without them, the first camera whose pose the scene gives (not as a
-/// guess) keeps it; without any pose, the frame of the first camera is the world. For boards that all cameras see at once, there is
+/// guess) keeps it; without any pose, the first guess is kept, or else the frame of the first camera is the world. For boards that all cameras see at once, there is
 /// `calibrate board --rig`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -102,7 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             ..Until::default()
         },
     };
-    let calibrated = CalibratedRig::of(&task, &|_, _, _| ())?;
+    let calibrated = CalibratedRig::of(&task, &mut Live::default(), &|_, _, _| ())?;
     let report = calibrated.report();
 
     let folder = output::folder(arguments.output.as_deref(), path, "rig");
