@@ -1,4 +1,4 @@
-//! Rolling shutters: rows are exposed one after the other, so that a camera shows a body in motion where it is when its row is exposed.
+//! Times of exposure: a camera shows a body in motion where it is when its row is exposed. Frames of one instant may differ by some milliseconds, and of rolling shutters also the rows.
 
 use nalgebra::{Matrix3, Vector3};
 use pardalis_camera::Camera;
@@ -20,16 +20,17 @@ pub(crate) struct RowMotion {
 }
 
 impl RowMotion {
-    /// The motion of a body from the time of the frame, when it is at this position in the camera frame (metres) with this velocity (m/s), to the exposure of its rows, of which the
-    /// camera has this number and exposes each this long after the one above it, in seconds. `None` if all rows are exposed at once, the camera does not see the position, or
-    /// shows the body too distorted.
+    /// The motion of a body from the instant at which it is at this position in the camera frame (metres) with this velocity (m/s) to the exposure of its rows: the middle one is exposed `later_s`
+    /// seconds after the instant, and the camera has this number of rows and exposes each this long after the one above it, in seconds. `None` if all rows are exposed at the instant, the camera does not
+    /// see the position, or shows the body too distorted.
     pub(crate) fn new(
         camera: &Camera,
         (rows, line_delay_s): (usize, f64),
+        later_s: f64,
         middle: Vector3<f64>,
         velocity: Vector3<f64>,
     ) -> Option<Self> {
-        if line_delay_s == 0.0 {
+        if line_delay_s == 0.0 && later_s == 0.0 {
             return None;
         }
         let row = |place: Vector3<f64>| Some(camera.project(place.into())?[1]);
@@ -40,7 +41,7 @@ impl RowMotion {
             step[axis] = step_m;
             rows_per_m[axis] = (row(middle + step)? - row(middle - step)?) / (2.0 * step_m);
         }
-        // A place p is shown at p + v δ, in the row that is exposed δ later: δ = d (row(p) + g v δ - middle row) with the delay d and the gradient g of rows.
+        // A place p is shown at p + v δ, in the row that is exposed δ later: δ = τ + d (row(p) + g v δ - middle row) with the time τ of the middle row, the delay d and the gradient g of rows.
         let row_share = line_delay_s * rows_per_m.dot(&velocity);
         if !(row_share.abs() <= MAX_ROW_SHARE) {
             return None;
@@ -48,11 +49,12 @@ impl RowMotion {
         let last_row = rows as f64 - 1.0;
         let below_middle = row(middle)?.clamp(0.0, last_row) - 0.5 * last_row;
         let way = velocity * (line_delay_s / (1.0 - row_share));
+        let earlier = velocity * (later_s / (1.0 - row_share));
         let shown_from_true = Matrix3::identity() + way * rows_per_m.transpose();
         Some(Self {
             shown_from_true,
             true_from_shown: shown_from_true.try_inverse()?,
-            offset_m: way * (below_middle - rows_per_m.dot(&middle)),
+            offset_m: way * (below_middle - rows_per_m.dot(&middle)) + earlier,
         })
     }
 
@@ -85,21 +87,30 @@ mod tests {
             .into()
     }
 
-    fn motion(line_delay_s: f64, middle_m: [f64; 3], velocity_mps: [f64; 3]) -> Option<RowMotion> {
+    fn motion(
+        (line_delay_s, later_s): (f64, f64),
+        middle_m: [f64; 3],
+        velocity_mps: [f64; 3],
+    ) -> Option<RowMotion> {
         RowMotion::new(
             &camera(),
             (ROWS, line_delay_s),
+            later_s,
             middle_m.into(),
             velocity_mps.into(),
         )
     }
 
     /// Where a place of a body in motion is shown, by iteration: it has moved until its row is exposed.
-    fn iterated(line_delay_s: f64, place: Vector3<f64>, velocity: Vector3<f64>) -> Vector3<f64> {
+    fn iterated(
+        (line_delay_s, later_s): (f64, f64),
+        place: Vector3<f64>,
+        velocity: Vector3<f64>,
+    ) -> Vector3<f64> {
         let mut shown = place;
         for _ in 0..50 {
             let [_, row] = camera().project(shown.into()).unwrap();
-            shown = place + velocity * (line_delay_s * (row - 239.5));
+            shown = place + velocity * (later_s + line_delay_s * (row - 239.5));
         }
         shown
     }
@@ -107,9 +118,9 @@ mod tests {
     #[test]
     fn places_on_a_moving_ball_are_shown_where_iteration_finds_them() {
         let (middle_m, radius_m) = ([0.7, 0.9, 3.0], 0.1);
-        for line_delay_s in [50e-6, -30e-6] {
+        for times_s in [(50e-6, 0.0), (-30e-6, 0.0), (0.0, -0.004), (50e-6, 0.003)] {
             for velocity_mps in [[6.0, 0.0, 0.0], [0.5, 5.0, -2.0], [0.0, -5.0, 1.0]] {
-                let motion = motion(line_delay_s, middle_m, velocity_mps).unwrap();
+                let motion = motion(times_s, middle_m, velocity_mps).unwrap();
                 for offset in [
                     [0.0; 3],
                     [0.0, radius_m, 0.0],
@@ -117,7 +128,7 @@ mod tests {
                     [radius_m, 0.0, -radius_m],
                 ] {
                     let place = Vector3::from(middle_m) + Vector3::from(offset);
-                    let expected = iterated(line_delay_s, place, velocity_mps.into());
+                    let expected = iterated(times_s, place, velocity_mps.into());
                     let shown = motion.shown_m(place);
                     let way_m = (expected - place).norm();
                     // What is not linear is the depth within a radius.
@@ -134,12 +145,12 @@ mod tests {
     #[test]
     fn bodies_at_rest_and_global_shutters_show_bodies_where_they_are() {
         let place = [0.7, 0.9, 3.0];
-        assert!(motion(0.0, place, [5.0; 3]).is_none());
-        let at_rest = motion(50e-6, place, [0.0; 3]).unwrap();
+        assert!(motion((0.0, 0.0), place, [5.0; 3]).is_none());
+        let at_rest = motion((50e-6, 0.002), place, [0.0; 3]).unwrap();
         let place_m = Vector3::from(place);
         assert_eq!(at_rest.shown_m(place_m), place_m);
         // Behind the camera, and faster than rows are exposed.
-        assert!(motion(50e-6, [0.0, 0.0, -3.0], [5.0; 3]).is_none());
-        assert!(motion(50e-6, place, [0.0, 100.0, 0.0]).is_none());
+        assert!(motion((50e-6, 0.0), [0.0, 0.0, -3.0], [5.0; 3]).is_none());
+        assert!(motion((50e-6, 0.0), place, [0.0, 100.0, 0.0]).is_none());
     }
 }

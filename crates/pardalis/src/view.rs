@@ -28,6 +28,8 @@ pub struct View {
     height: usize,
     mask: Option<Mask>,
     line_delay_s: f64,
+    /// How much later than the frame set its latest frame is, in seconds: not positive, as the set has the time of its latest frame.
+    later_s: f64,
     /// How the camera moves, if it is on a platform.
     motion: Option<CameraMotion>,
     tables: Vec<(Palette, PixelKind, PixelTable)>,
@@ -71,6 +73,7 @@ impl View {
             height,
             mask,
             line_delay_s: 0.0,
+            later_s: 0.0,
             motion: None,
             tables: Vec::new(),
             match_tables: Vec::new(),
@@ -96,8 +99,19 @@ impl View {
         self.line_delay_s
     }
 
-    /// Returns where a body was, in metres, when the rows that show it were exposed, given its position (metres) and velocity (m/s) at the time of the frame. Differs from its
-    /// position only with a rolling shutter.
+    /// Returns the view without the difference in time between its latest frame and the frame set, for positions at the time of its own frame.
+    pub fn at_its_frame(mut self) -> Self {
+        self.later_s = 0.0;
+        self
+    }
+
+    /// Sets how much later than the frame set its frame is, in seconds.
+    pub(crate) fn set_later_s(&mut self, later_s: f64) {
+        self.later_s = later_s;
+    }
+
+    /// Returns where a body was, in metres, when the rows that show it were exposed, given its position (metres) and velocity (m/s) at the time of the frame set. Differs from its
+    /// position only with a rolling shutter, or if another frame of the set is later.
     pub fn shown_position_m(&self, position_m: [f64; 3], velocity_mps: [f64; 3]) -> [f64; 3] {
         let Some(motion) = self.row_motion(position_m, velocity_mps) else {
             return position_m;
@@ -133,7 +147,7 @@ impl View {
         velocity_mps - motion.velocity_mps - motion.turn_radps.cross(&lever_m)
     }
 
-    /// The motion of a body at a position (metres) with a velocity (m/s) between the time of the frame and the exposure of its rows; `None` as for [`RowMotion::new`].
+    /// The motion of a body at a position (metres) with a velocity (m/s) between the time of the frame set and the exposure of its rows; `None` as for [`RowMotion::new`].
     pub(crate) fn row_motion(
         &self,
         position_m: [f64; 3],
@@ -143,7 +157,7 @@ impl View {
         let velocity_mps = self.relative_velocity_mps(position_m, velocity_mps);
         let velocity = self.camera_from_world.rotation * velocity_mps;
         let rows = (self.height, self.line_delay_s);
-        RowMotion::new(&self.camera, rows, middle.coords, velocity)
+        RowMotion::new(&self.camera, rows, self.later_s, middle.coords, velocity)
     }
 
     /// Returns whether a place in the world, in metres, has an unmasked pixel.

@@ -8,8 +8,11 @@ use serde::Serialize;
 
 use crate::detections::Detections;
 
-/// Frames closer in time than this form one set, in seconds: triggered cameras whose time stamps were rounded.
+/// Times that differ by less than this, in seconds, are the same: time stamps were rounded.
 const SAME_INSTANT_S: f64 = 1e-6;
+
+/// Frames of different cameras that are no farther apart than this, in seconds, form one set. Shorter than what the library allows, because of rounding.
+const SPREAD_S: f64 = pardalis::FrameSet::MAX_SPREAD_S - SAME_INSTANT_S;
 
 /// Number of frames of a live camera that may wait for tracking where all are to be used. Further ones stay in ffmpeg and with the sender.
 const MAX_BACKLOG: usize = 8;
@@ -336,6 +339,32 @@ impl Merge {
         counts.broken += 1;
     }
 
+    /// Reports whether no frame before this time, in seconds, is missing of any camera that has none in the set that ends then.
+    fn has_all_until(&self, end_s: f64) -> bool {
+        self.cameras.iter().enumerate().all(|(camera, seen)| {
+            let is_here = |held: &Held| held.camera == camera && held.frame.time_s() <= end_s;
+            seen.next_s() > end_s || self.held.iter().any(is_here)
+        })
+    }
+
+    /// Returns the time before which frames belong to the set that begins at `first_s`, in seconds: a camera has one frame in a set.
+    fn end_of_set_s(&self, first_s: f64) -> f64 {
+        let mut end_s = (first_s + SPREAD_S).next_up();
+        let near = |held: &Held| held.frame.time_s() <= first_s + SPREAD_S;
+        for (number, held) in self.held.iter().enumerate().filter(|(_, one)| near(one)) {
+            let time_s = held.frame.time_s();
+            let is_before = |other: &Held| {
+                let before_s = time_s - other.frame.time_s();
+                other.camera == held.camera && before_s > SAME_INSTANT_S
+            };
+            let mut others = self.held.iter().enumerate();
+            if others.any(|(other, one)| other != number && is_before(one)) {
+                end_s = end_s.min(time_s);
+            }
+        }
+        end_s
+    }
+
     /// Returns the earliest set if one of its frames or of a later set has waited long enough at `now_s`, on the
     /// clock of arrivals, or if too much waits.
     pub(crate) fn next_set(&mut self, now_s: f64) -> Option<FrameSet> {
@@ -343,7 +372,7 @@ impl Merge {
         let held_bytes: usize = self.held.iter().map(|held| held.frame.bytes().len()).sum();
         let times_s = self.held.iter().map(|held| held.frame.time_s());
         let first_s = times_s.reduce(f64::min)?;
-        let is_complete = first_s <= self.complete_s();
+        let is_complete = first_s <= self.complete_s() && self.has_all_until(first_s + SPREAD_S);
         let is_full = held_bytes > self.held_bytes_limit;
         if !is_full && !is_complete && !self.held.iter().any(is_due) {
             return None;
@@ -354,9 +383,10 @@ impl Merge {
             self.end();
             return None;
         }
+        let end_s = self.end_of_set_s(first_s);
         let mut members: Vec<Held> = self
             .held
-            .extract_if(.., |held| held.frame.time_s() <= first_s + SAME_INSTANT_S)
+            .extract_if(.., |held| held.frame.time_s() < end_s)
             .collect();
         members.sort_by_key(|held| held.camera);
         let mut set = FrameSet {

@@ -84,6 +84,79 @@ fn triggered_cameras_share_sets_and_free_running_cameras_do_not() {
     assert_eq!(counts[1].longest_gap_s, 0.13 - 0.03);
 }
 
+/// Of frames that are stamped when they arrive, those of one instant differ by a few milliseconds.
+#[test]
+fn frames_that_are_nearly_of_one_time_share_sets() {
+    // The order of arrival varies. Camera 2 is 20 ms later than the others.
+    let mut frames = Vec::new();
+    for number in 0..30 {
+        let time_s = 0.04 * f64::from(number);
+        let late_s = 0.0015 * f64::from(number % 3);
+        let (first, second) = if number % 2 == 0 { (0, 1) } else { (1, 0) };
+        frames.push((first, time_s, time_s));
+        frames.push((second, time_s + late_s, time_s + late_s));
+        frames.push((2, time_s + 0.02, time_s + 0.02));
+    }
+    let (sets, counts) = merged(3, 0.1, &frames);
+    assert_eq!(sets.len(), 60);
+    for pair in sets.chunks(2) {
+        let cameras = pair.iter().map(|set| set.frames.iter().map(|(c, _)| *c));
+        let cameras: Vec<Vec<usize>> = cameras.map(Iterator::collect).collect();
+        assert_eq!(cameras, [vec![0, 1], vec![2]]);
+        // The time of the latest.
+        let last_s = pair[0].frames.iter().map(|(_, frame)| frame.time_s());
+        assert_eq!(pair[0].time_s, last_s.fold(0.0, f64::max));
+        pair[0].whole(&Detections::default()).unwrap();
+    }
+    assert!(counts.iter().all(|counts| counts.used == 30));
+    // Live, the first waits for the second, and for no other.
+    let mut merge = Merge::new(3, 0.1, Limit::default()).prompt();
+    let mut waited = Vec::new();
+    for &(camera, time_s, arrival_s) in &frames {
+        merge.take(camera, frame(time_s), arrival_s);
+        while let Some(set) = merge.next_set(arrival_s) {
+            waited.push((set.frames.len(), arrival_s - set.time_s));
+        }
+    }
+    let later = &waited[40..];
+    assert!(
+        later.iter().all(|(_, waited_s)| *waited_s == 0.0),
+        "{later:?}"
+    );
+    let sizes: Vec<usize> = later.iter().map(|(size, _)| *size).collect();
+    assert!(sizes.chunks(2).all(|pair| pair == [2, 1]), "{sizes:?}");
+}
+
+/// A camera has one frame in a set, however fast it is.
+#[test]
+fn fast_cameras_keep_all_their_frames() {
+    let frames: Vec<_> = (0..100)
+        .flat_map(|number| {
+            let time_s = 0.002 * f64::from(number);
+            [(0, time_s, time_s), (1, time_s + 0.0005, time_s + 0.0005)]
+        })
+        .collect();
+    for cameras in [1, 2] {
+        let frames: Vec<_> = frames.iter().copied().filter(|f| f.0 < cameras).collect();
+        let (sets, counts) = merged(cameras, 0.1, &frames);
+        assert_eq!(sets.len(), 100);
+        assert!(counts.iter().all(|counts| counts.used == 100));
+        assert!(sets.iter().all(|set| set.frames.len() == cameras));
+        // Nor do they wait for what is not due.
+        let mut merge = Merge::new(cameras, 0.1, Limit::default()).prompt();
+        let mut emitted = 0;
+        for &(camera, time_s, arrival_s) in &frames {
+            merge.take(camera, frame(time_s), arrival_s);
+            let sets = std::iter::from_fn(|| merge.next_set(arrival_s)).count();
+            emitted += sets;
+            if time_s > 0.1 && camera + 1 == cameras {
+                assert_eq!(sets, 1, "{time_s}");
+            }
+        }
+        assert!(emitted > 95);
+    }
+}
+
 /// A camera whose frames arrive one interval late: waiting saves exactly the frames that are dropped without it.
 #[test]
 fn late_frames_are_sorted_in_or_dropped() {

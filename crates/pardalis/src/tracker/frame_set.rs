@@ -28,8 +28,9 @@ pub struct FrameSet {
 }
 
 impl FrameSet {
-    /// Maximum difference of the times of frames of one instant, in seconds. At 10 m/s a target moves 1 cm in it.
-    pub const MAX_SPREAD_S: f64 = 1e-3;
+    /// Maximum difference of the times of frames of one instant, in seconds: cameras without a common trigger that happen to look at once, or whose frames are stamped when they arrive. Detected targets in
+    /// motion are looked for where they were at the time of each frame. Hand-set: what frames of one instant differ by on their way through networks and operating systems.
+    pub const MAX_SPREAD_S: f64 = 4e-3;
 
     /// Creates the set of these frames, each with its camera. The time of the set is that of the latest frame.
     ///
@@ -56,8 +57,10 @@ impl FrameSet {
             });
         };
         if time_s - first_s > Self::MAX_SPREAD_S {
-            let allowed =
-                format!("at most 0.001 s after {first_s}, the time of another frame of the set");
+            let allowed = format!(
+                "at most {} s after {first_s}, the time of another frame of the set",
+                Self::MAX_SPREAD_S
+            );
             return Err(Error::out_of_range("time_s", time_s, &allowed));
         }
         Ok(Self {

@@ -558,6 +558,7 @@ impl Tracker {
     /// Prepares the look-up tables that the targets need for these frames.
     fn prepare(&mut self, set: &FrameSet) {
         for (camera, frame) in set.numbered() {
+            self.views[*camera].set_later_s(frame.time_s() - set.time_s());
             self.statistics[*camera].clear();
             for body in &self.bodies {
                 body.prepare(&mut self.views[*camera], frame);

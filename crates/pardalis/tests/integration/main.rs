@@ -21,4 +21,5 @@ mod rectify;
 mod rolling_shutter;
 mod seek;
 mod size;
+mod spread;
 mod streaks;

@@ -1,7 +1,7 @@
 //! The size of a ball: two cameras find it, also if the settings are wrong; one camera takes it as given.
 
 #[path = "../../examples/painter/mod.rs"]
-mod painter;
+pub(crate) mod painter;
 
 use nalgebra::Vector3;
 use pardalis::camera::{Pinhole, looking_at};
@@ -10,13 +10,13 @@ use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::tracker::{DetectedSettings, SizeTolerance, TrackState};
 use pardalis::{CameraId, Estimate, Frame, FrameSet, Tracker, View};
 
-const RADIUS_M: f64 = 0.035;
+pub(crate) const RADIUS_M: f64 = 0.035;
 const FRAMES: usize = 12;
 /// How near radii are found: 0.3 px of 12, because the edge is learnt from a single image with hard edges.
 const SHARE: f64 = 0.025;
 
 /// Two cameras 0.8 m apart, 0.9 m from the ball.
-fn views() -> Vec<View> {
+pub(crate) fn views() -> Vec<View> {
     let view = |from_m: [f64; 3]| {
         let lens = Pinhole::new([320.0, 320.0], [159.5, 119.5], &[]).unwrap();
         let pose = looking_at(from_m.into(), Vector3::zeros(), 0.0).unwrap();

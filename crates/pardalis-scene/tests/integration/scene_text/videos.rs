@@ -1,6 +1,6 @@
 //! Videos of cameras: files, devices, addresses and their settings.
 
-use pardalis_scene::{Input, Protocol, Scene, VideoFormat, VideoInput, VideoPlace};
+use pardalis_scene::{Input, Protocol, Scene, VideoFormat, VideoInput, VideoPlace, WhenBehind};
 
 use super::{SCENE, assert_rejected, parsed};
 
@@ -59,6 +59,33 @@ fn videos_are_files_devices_or_addresses() {
     let address = video_of("video = 'rtsp://a/b'\ninput.rtsp_transport = 'tcp'");
     let wanted = VideoPlace::Address(Protocol::Rtsp, "rtsp://a/b".to_owned());
     assert_eq!(address.place, wanted);
+}
+
+#[test]
+fn cameras_are_opened_again_and_do_not_wait_and_what_may_have_an_end_does() {
+    let cameras = [
+        "'/dev/video2'",
+        "'rtsp://a/b'",
+        "'rtp://a:5004'",
+        "'udp://a:1'",
+        "'http://a/video'\ninput.format = 'mpjpeg'",
+    ];
+    for camera in cameras {
+        let input = video_of(&format!("video = {camera}"));
+        assert_eq!(input.reopen_s(), 60.0, "{camera}");
+        assert_eq!(input.when_behind(), WhenBehind::Drop, "{camera}");
+        let part = video_of(&format!("video = {camera}\ninput.duration_s = 5"));
+        assert_eq!(part.reopen_s(), 0.0, "{camera}");
+        let own = format!("video = {camera}\ninput.reopen_s = 3\ninput.when_behind = 'wait'");
+        let own = video_of(&own);
+        assert_eq!(own.reopen_s(), 3.0, "{camera}");
+        assert_eq!(own.when_behind(), WhenBehind::Wait, "{camera}");
+    }
+    for other in ["'a.mp4'", "'-'", "'http://a/b.mp4'", "'tcp://a:1'"] {
+        let input = video_of(&format!("video = {other}"));
+        assert_eq!(input.reopen_s(), 0.0, "{other}");
+        assert_eq!(input.when_behind(), WhenBehind::Wait, "{other}");
+    }
 }
 
 #[test]
