@@ -14,9 +14,11 @@ pub struct CameraSetting<'a> {
     pub key: &'a str,
     /// Its value.
     pub value: toml::Value,
+    /// Whether it remains a guess, if the text lists it as one.
+    pub is_guess: bool,
 }
 
-/// Returns the scene's text with these settings replaced or added, and no longer listed as guesses; `None` if the layout of
+/// Returns the scene's text with these settings replaced or added, and no longer listed as guesses unless they remain such; `None` if the layout of
 /// the text does not allow this without other changes.
 pub fn with_camera_settings(text: &str, settings: &[CameraSetting]) -> Option<String> {
     let root = DeTable::parse(text).ok()?;
@@ -31,7 +33,8 @@ pub fn with_camera_settings(text: &str, settings: &[CameraSetting]) -> Option<St
             given = given.and_then(|outer| table(outer.get(part)?.get_ref()));
         }
         let edit = if let Some(given) = given.and_then(|table| table.get(key)) {
-            (given.span(), value)
+            let mark = mark(text, given.span()).filter(|_| setting.is_guess);
+            (given.span(), format!("{value}{}", mark.unwrap_or_default()))
         } else if inner.is_empty() {
             let input = |key: &str| camera.get_key_value(key).map(|(key, _)| key.span());
             let inputs = ["images", "video", "mcap"];
@@ -64,6 +67,16 @@ fn table<'a, 't>(value: &'a DeValue<'t>) -> Option<&'a DeTable<'t>> {
     }
 }
 
+/// Returns the comment in the first line of a value of several lines, such as that it is a guess, if it can stand behind the value as well.
+fn mark(text: &str, value: Range<usize>) -> Option<String> {
+    let rest = text[value.end..].lines().next().unwrap_or_default();
+    let (first, _) = text[value].split_once('\n')?;
+    let (_, comment) = first.split_once('#')?;
+    rest.trim()
+        .is_empty()
+        .then(|| format!("  #{}", comment.trim_end()))
+}
+
 /// Returns the list of guesses without these settings; `None` if it has none of them.
 fn without_guesses(guesses: &DeValue, settings: &[CameraSetting]) -> Option<Vec<toml::Value>> {
     let keys: Vec<&str> = guesses
@@ -79,7 +92,9 @@ fn without_guesses(guesses: &DeValue, settings: &[CameraSetting]) -> Option<Vec<
 /// Reports whether a full key is among the settings.
 fn is_set(key: &str, settings: &[CameraSetting]) -> bool {
     let full = |setting: &CameraSetting| format!("cameras.{}.{}", setting.camera, setting.key);
-    settings.iter().any(|setting| full(setting) == key)
+    settings
+        .iter()
+        .any(|setting| !setting.is_guess && full(setting) == key)
 }
 
 /// Returns the insertion of a setting before the key that begins here, in the same table: as the previous line, or
@@ -135,6 +150,7 @@ mod tests {
                 camera,
                 key: "time_offset_s",
                 value: (*offset_s).into(),
+                is_guess: false,
             })
             .collect();
         with_camera_settings(text, &settings)
@@ -198,6 +214,7 @@ mod tests {
             camera: "a",
             key,
             value: value.into(),
+            is_guess: false,
         };
         let settings = [
             setting("model.pinhole.f_px", vec![3.0, 4.5]),
@@ -209,6 +226,20 @@ mod tests {
             with_camera_settings(text, &settings).as_deref(),
             Some(wanted)
         );
+        // What remains a guess stays in the list.
+        let guess = CameraSetting {
+            is_guess: true,
+            ..setting("model.pinhole.f_px", vec![3.0, 4.5])
+        };
+        let kept = text.replace("[1.0, 2.0]", "[3.0, 4.5]");
+        assert_eq!(
+            with_camera_settings(text, std::slice::from_ref(&guess)),
+            Some(kept)
+        );
+        // With its mark.
+        let marked = text.replace("[1.0, 2.0] # px", "[  # a guess\n  1.0,\n  2.0,\n]");
+        let kept = text.replace("[1.0, 2.0] # px", "[3.0, 4.5]  # a guess");
+        assert_eq!(with_camera_settings(&marked, &[guess]), Some(kept));
         // A table that is not there is not added.
         let missing = [setting("model.unified.f_px", vec![1.0])];
         assert_eq!(with_camera_settings(text, &missing), None);

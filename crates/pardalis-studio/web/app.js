@@ -85,6 +85,11 @@ const app = {
 
   say,
 
+  /** Shows the images of the pictures again, where a step has chosen others. */
+  showImages() {
+    for (const [name, picture] of this.pictures) showLatest(name, picture);
+  },
+
   render() {
     if (!this.state) return;
     renderHeader();

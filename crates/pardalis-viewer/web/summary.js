@@ -21,6 +21,7 @@ function run(summary) {
     ["scene", summary.scene],
     ["frame sets", sets],
     ["ended", end],
+    ...(summary.smoothed ? [["smoothed", "yes: each row also takes account of what came after it"]] : []),
     ["tracking", each(time.tracking_s)],
     ["waiting for frames", seconds(time.waiting_for_frames_s)],
     ["seed", summary.seed],

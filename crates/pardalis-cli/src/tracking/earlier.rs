@@ -15,7 +15,7 @@ const EARLIER: &str = "earlier";
 /// The most numbered runs that are kept. Hand-set: as many as people tell apart.
 const MAX_EARLIER: usize = 20;
 
-/// Moves rows and summary of an earlier run in this folder into a numbered folder in it. Of more than [`MAX_EARLIER`], the oldest is removed.
+/// Moves rows, summary and page of an earlier run in this folder into a numbered folder in it. Of more than [`MAX_EARLIER`], the oldest is removed.
 pub(super) fn number_results(folder: &Path) -> Result<()> {
     let rows = folder.join(super::ROWS);
     if !rows.is_file() || !has_rows(&rows) {
@@ -45,8 +45,13 @@ pub(super) fn number_results(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The files by which a run is compared with another.
-const OF_RUN: [&str; 3] = [super::ROWS, summary::FILE, super::CAMERAS];
+/// The files by which a run is compared with another, and its page.
+const OF_RUN: [&str; 4] = [
+    super::ROWS,
+    summary::FILE,
+    super::CAMERAS,
+    crate::report::REPORT,
+];
 
 /// Returns the numbered runs in a folder of results with their folders, the oldest first.
 pub(crate) fn earlier_runs(folder: &Path) -> Vec<(usize, PathBuf)> {

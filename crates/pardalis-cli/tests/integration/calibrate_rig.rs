@@ -479,7 +479,7 @@ fn a_pose_in_the_scene_is_kept_and_guesses_are_replaced() {
 }
 
 #[test]
-fn without_a_pose_the_first_guess_is_kept_and_stays_one() {
+fn without_a_pose_the_first_guess_is_kept_and_all_poses_stay_guesses() {
     let text = scene("webcams-two", false, 1.0);
     // As `init` writes it: one metre above the floor, level.
     let guess = "[[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]";
@@ -488,8 +488,8 @@ fn without_a_pose_the_first_guess_is_kept_and_stays_one() {
         &format!("fps = 25\nworld_from_camera = {guess}"),
     );
     let names = ["cam1", "cam2"].map(|name| format!("\"cameras.{name}.world_from_camera\""));
-    let text = format!("guessed = [{}]\n{text}", names.join(", "));
-    let folder = folder(&[("scene.toml", text)]);
+    let listed = format!("guessed = [{}]\n", names.join(", "));
+    let folder = folder(&[("scene.toml", format!("{listed}{text}"))]);
     let arguments = [
         "calibrate",
         "rig",
@@ -497,18 +497,18 @@ fn without_a_pose_the_first_guess_is_kept_and_stays_one() {
         "--corrected",
         "scene.toml",
     ];
-    let run = Run::pardalis(&folder, &arguments);
-    assert!(
-        run.stdout.contains("cam1 keeps the guess of its pose"),
-        "{}",
-        run.stdout
-    );
-    let new = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
-    assert!(
-        new.starts_with("guessed = [\"cameras.cam1.world_from_camera\"]\n"),
-        "{new}"
-    );
-    assert_eq!(new.matches(guess).count(), 1, "{new}");
+    // Once more, and nothing has become known.
+    for _ in 0..2 {
+        let run = Run::pardalis(&folder, &arguments);
+        assert!(
+            run.stdout.contains("cam1 keeps the guess of its pose"),
+            "{}",
+            run.stdout
+        );
+        let new = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+        assert!(new.starts_with(&listed), "{new}");
+        assert_eq!(new.matches(guess).count(), 1, "{new}");
+    }
     // The second camera is where it is beside the first.
     let truth = poses(&data("webcams-two").join("cameras.json"));
     let found = poses(&folder.path().join("scene-rig/rig.toml"));

@@ -94,6 +94,13 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
     expect(page.locator("#replay .number-of-frame")).to_have_text(re.compile(r"^[1-9]\d? / 109"))
     page.click("#replay-play")
     expect(page.locator("#replay-play")).to_contain_text("Replay")
+    # The other view does not disturb it.
+    replay_at(page, 30)
+    page.click("#show-viewer")
+    expect(page.locator("#viewer canvas").first).to_be_visible()
+    page.click("#show-pictures")
+    replay_at(page, 31)
+    expect(page.locator("#now")).to_contain_text("Frame 31, ")
     # And by keys.
     page.locator("#replay-frame").focus()
     page.keyboard.press("Home")
@@ -193,10 +200,18 @@ def test_the_track_of_a_recording_is_smoothed(studio, jump):
     for axis in "xyz":
         shown = page.locator(f'#viewer tr[data-value="{axis}"] td').first
         expect(shown).to_contain_text(f"{float(smoothed[frame][f'{axis}_m']):.3f}".replace("-", "−"))
+    last = page.locator("[data-target=ball] td").nth(1)
+    expect(last).to_have_text(f"± {2000 * math.sqrt(float(smoothed[-1]['xx_m2'])):.0f} mm")
     page.click("#show-pictures")
     replay_at(page, frame)
     expect(page.locator("#now")).to_contain_text(f"Frame {frame}, ")
     expect(page.locator("[data-target=ball] td").nth(0)).to_have_text(f"{float(smoothed[frame]['x_m']):.3f}")
+    # The page of an earlier run is kept with it.
+    page.uncheck("#smooth")
+    page.uncheck("#page")
+    track(page)
+    assert (jump / "scene-tracks/earlier/2/report.html").read_text() == report
+    assert not (jump / "scene-tracks/report.html").exists()
 
 
 def test_the_replay_shows_what_was_examined_and_why_it_was_ruled_out(studio, jump):

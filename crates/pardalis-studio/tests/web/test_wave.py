@@ -278,7 +278,7 @@ def test_a_focal_length_that_was_guessed_is_refined(studio, tmp_path):
     page.click("#use-rig")
     # Nothing says where the room is.
     expect(page.locator("#messages")).to_contain_text("Where the room is remains a guess.")
-    assert [key["key"] for key in one.ask("state")["guesses"] if key["step"] == "pose"] == ["cameras.camera.world_from_camera"]
+    assert [key["key"] for key in one.ask("state")["guesses"] if key["step"] == "pose"] == [f"cameras.{camera['name']}.world_from_camera" for camera in one.ask("state")["cameras"]]
     found = tomllib.loads(one.ask("state")["text"])["cameras"]
     # Those that the ball determines are right within three of the standard deviations that `calibrate rig` gives, and the others stay.
     (tmp_path / "guessed.toml").write_text(guessed)

@@ -42,13 +42,16 @@ function drawAngles(context, px, camera) {
   }
 }
 
+/** By how many per cent distances shrink if an angle of view grows by one degree: the focal length is half the image over the tangent of half the angle. */
+const percentOfDegree = (fov_deg) => (100 * Math.PI) / 180 / Math.sin((fov_deg * Math.PI) / 180);
+
 export const camera = {
   id: "camera",
   title: "Camera",
   isBegun: ({ state }) => state.cameras.length > 0,
   isDone: ({ state }) => state.cameras.length > 0 && !state.guesses.some(({ step }) => step === "camera"),
   hint: (app) => {
-    if (app.camera) return `How does ${app.camera} see? A calibration is best; its angle of view will do for a start.`;
+    if (app.camera) return `How does the camera ${app.camera === "camera" ? "" : `${app.camera} `}see? A calibration is best; its angle of view will do for a start.`;
     const isUnread = app.state.problems.some(({ key }) => key.startsWith("cameras."));
     return isUnread ? "The scene has cameras that cannot be read. Mend in an editor what is named below, or remove them there and add them here." : "Add a camera first.";
   },
@@ -64,10 +67,11 @@ export const camera = {
     const one = app.state.cameras.find(({ name }) => name === app.camera);
     if (!one) return [];
     if (!listing) list(app);
-    const fov = el("input", { type: "number", id: "fov", min: 1, max: 170, step: "any", value: fixed(one.fov_deg ?? 60, 1) });
+    const fov = el("input", { type: "number", id: "fov", min: 1, max: 170, step: "any", value: fixed(one.fov_deg ?? 60, 1), onchange: () => setFov() });
+    const setFov = () => app.change("set_fov", { camera: one.name, fov_deg: Number(fov.value) }).then((answer) => answer || app.render());
     const files = (listing?.entries ?? []).filter(({ kind }) => kind === "folder" || kind === "text");
     const isGuess = app.state.guesses.some(({ key }) => key.startsWith(`cameras.${one.name}.model`));
-    const now = one.calibration ? `Calibrated: ${one.calibration} (${one.model}).` : isGuess ? "A typical angle of view was guessed." : one.fov_deg ? `By its angle of view, ${fixed(one.fov_deg, 1)}°. An angle that is wrong by 10 % makes distances wrong by about as much.` : `${one.model}, as the scene says.`;
+    const now = one.calibration ? `Calibrated: ${one.calibration} (${one.model}).` : isGuess ? "A typical angle of view was guessed." : one.fov_deg ? `By its angle of view, ${fixed(one.fov_deg, 1)}°. With 1° more, all distances are ${fixed(percentOfDegree(one.fov_deg), 1)} % smaller.` : `${one.model}, as the scene says.`;
     const use = async (file, of = null) => {
       const answer = await app.change("set_calibration", { camera: one.name, file, of });
       several = answer?.choose ? { file, names: answer.choose, camera: one.name } : null;
@@ -82,13 +86,13 @@ export const camera = {
       el("p", {}, "The angle that the longer side of the image covers. Webcams have 50° to 75°, phones about 65°."),
       el(
         "form",
-        { class: "row", onsubmit: (event) => { event.preventDefault(); app.change("set_fov", { camera: one.name, fov_deg: Number(fov.value) }); } },
+        { class: "row", onsubmit: (event) => { event.preventDefault(); setFov(); } },
         field("Degrees", fov),
         el("button", { type: "submit", id: "set-fov" }, "Set"),
       ),
       el("h3", {}, "Calibration file"),
       el("p", {}, "Of Pardalis, OpenCV, ROS, Kalibr, OCamCalib or Basalt."),
-      listing?.folder && el("p", { class: "folder" }, listing.above !== null && button("↑", () => list(app, listing.above), { "aria-label": "Folder above" }), el("span", { title: listing.folder }, listing.folder)),
+      listing?.folder && el("p", { class: "folder" }, listing.above !== null && button("↑", () => list(app, listing.above), { "aria-label": "Folder above" }), el("span", { title: listing.folder }, el("bdi", {}, listing.folder))),
       several?.camera === one.name && [
         el("p", { class: "now" }, `Which of the cameras in this file is ${one.name}?`),
         el("p", { class: "row" }, several.names.map((name) => button(name, () => use(several.file, name), { class: "of-file" }))),

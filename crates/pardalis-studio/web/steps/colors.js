@@ -34,7 +34,7 @@ function doubtsAbout({ samples, learnt }) {
   const named = learnt.failed.map((number) => samples[number]).filter(Boolean);
   const frames = named.map(({ camera, frame }) => `${camera} ${frame}`).join(", ");
   return [
-    named.length > 0 && `It is not found again in the labelled frame ${frames}: is the outline on the object, and all of it?`,
+    named.length > 0 && `It is not found again in the labelled frame ${frames}: is the outline on the object, and all of it? If not, remove the label and drag a box around it.`,
     learnt.mistaken > MOST_MISTAKEN && `${(100 * learnt.mistaken).toFixed(0)} % of the rest of the pictures has these colours, too: is the outline on the object?`,
   ].filter(Boolean);
 }
@@ -112,7 +112,7 @@ export const colors = {
     const doubts = doubtsAbout(target);
     const toggle = el("input", {
       type: "checkbox", id: "marked", checked: isMarked, disabled: !samples.length,
-      onchange: (event) => { isMarked = event.target.checked; asked = null; mark(app); app.render(); },
+      onchange: (event) => { isMarked = event.target.checked; asked = null; mark(app); app.showImages(); app.render(); },
     });
     const relearn = () => app.change("learn_anew", { target: target.name }).then((answer) => answer && app.say("The colours are to be learnt anew. Undo goes back to those before."));
     return [

@@ -9,13 +9,14 @@ function optionOf({ number, settings }) {
   return [String(number), `run ${number}${text && ": "}${text}`];
 }
 
-/** The choice of a run to compare with; `chosen` is its number or null. */
-export function compareControl(app, chosen, pick) {
+/** The choice of a run to compare with; `chosen` is its number or null, and `comparison` what came of it. */
+export function compareControl(app, chosen, comparison, pick) {
   const { earlier } = app.state.run ?? {};
   if (!earlier?.length) return null;
   const options = [["", "no other run"], ...[...earlier].reverse().map(optionOf)];
   const select = choice(options, String(chosen ?? ""), (value) => pick(value ? Number(value) : null), { id: "compare-with" });
-  return field("Compare with", select, chosen && "The other run is orange: dashed in plots and in 3D, and its outlines in the pictures of the replay.");
+  const outlines = comparison?.has_other_cameras ? "It had other cameras, so that its outlines are not drawn into the pictures." : "Its outlines are orange in the pictures of the replay, too.";
+  return field("Compare with", select, chosen && `The other run is orange, and dashed in plots and in 3D. ${outlines}`);
 }
 
 /** Sets a number in the scene. A field with one that is refused shows the present one again. */

@@ -190,8 +190,8 @@ export const pose = {
     const step = floors.get(one.name)?.step_m;
     const ways = Object.entries(WAYS).filter(([id]) => id !== "ball" || app.state.cameras.length > 1);
     const guess = app.state.cameras.length > 1
-      ? `A guess: level, and a metre above the floor. Where the other cameras are beside it can be right nevertheless; directions and heights in the room are not.`
-      : "A guess. With one camera you can go on: distances from the camera will be right, directions in the room will not.";
+      ? "A guess: the first camera is level, and a metre above the floor. After a waved ball, distances are right nevertheless; directions and heights in the room are not."
+      : "A guess. With one camera you can go on: distances from the camera do not depend on it, directions in the room do.";
     const now = isGuess ? guess : one.has_pose ? `At ${at} m.` : "Not known yet.";
     return [
       way !== "ball" && el("p", { class: "now" }, now, step && ` The lines of the grid are ${step} m apart.`),

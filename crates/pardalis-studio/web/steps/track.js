@@ -165,7 +165,7 @@ export const track = {
     return image && { ...image, isOfRun: true };
   },
   // Rows that are smoothed replace those that the viewer has.
-  pictureKey: (app) => [isViewer, canReplay(app), Boolean(app.state.run?.is_smoothed)],
+  pictureKey: (app) => [isViewer, canReplay(app), Boolean(app.state.run?.smoothed)],
   hidesPictures: () => isViewer,
   above: (app) => {
     const tab = (is, text, id) => button(text, () => { isViewer = is; app.render(); }, { id, "aria-pressed": String(isViewer === is), disabled: is && !app.state.run });
@@ -218,10 +218,11 @@ export const track = {
         !app.state.is_saved && button("Save the scene", () => app.change("save").then((answer) => answer && app.say("Saved.")), { id: "save-here" }),
       ),
       !watched && !goes && [recordControl(app), endControl(app)],
-      !watched && run && !goes && [recordingControl(app), compareControl(app, other, (number) => compareWith(app, number)), settingsControl(app)],
+      !watched && run && !goes && [recordingControl(app), compareControl(app, other, comparison, (number) => compareWith(app, number)), settingsControl(app)],
       el("div", { id: "now" }, nowOf(app)),
       run?.error && el("p", { class: "bad", id: "run-error" }, run.error),
-      run?.is_smoothed && el("p", { class: "none", id: "smoothed" }, "The track is smoothed; filtered.csv has it as it was while tracking."),
+      run?.smoothed && el("p", { class: "none", id: "smoothed" }, "The track is smoothed; filtered.csv has it as it was while tracking."),
+      run && !run.goes_on && !run.error && el("p", { class: "none", id: "results" }, "The results are in ", el("code", {}, run.folder), ": the track in tracks.csv, and plots."),
       run?.report && disclosure("report-of-run", "Report", el("pre", { id: "report" }, run.report), true),
     ];
   },
@@ -236,14 +237,17 @@ function nowOf(app) {
   if (isReplay && canReplay(app)) {
     const about = replayedNow(app);
     if (!about?.targets) return [];
-    return [el("p", { class: "time" }, `Frame ${about.index}, ${instant(about.time_s)}, replayed`), about.targets.map(targetRow), ruledOut(app, about.targets.some(isMissing))].flat(9).filter(Boolean);
+    // Of several cameras, the run has frames of its own.
+    const frame = app.state.cameras.length > 1 ? `${about.targets[0]?.row ?? "–"} of the run` : about.index;
+    return [el("p", { class: "time" }, `Frame ${frame}, ${instant(about.time_s)}, replayed`), about.targets.map(targetRow), ruledOut(app, about.targets.some(isMissing))].flat(9).filter(Boolean);
   }
-  const age = now.age_s === null ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
+  const age = now.age_s === null || silentFor_s(app) >= SILENT_S || !app.state.run.goes_on ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
+  const targets = app.state.run.smoothed ?? now.targets;
   const recorded = app.state.run.goes_on && now.recording ? recordedText(now.recording) : [];
   const silent_s = silentFor_s(app);
   const silence = silent_s >= SILENT_S && el("p", { class: "bad", id: "silence" }, `No new frame for ${silent_s} s: these values are old.`);
   const of = app.state.run.goes_on ? "" : "At the end: ";
-  return [...recorded, silence, el("p", { class: "time" }, `${of}Frame ${now.frame}, ${instant(now.time_s)}${age}`), now.targets.map(targetRow), ruledOut(app, now.targets.some(isMissing)), histogram(now.tracking_ms)].flat(9).filter(Boolean);
+  return [...recorded, silence, el("p", { class: "time" }, `${of}Frame ${now.frame}, ${instant(now.time_s)}${age}`), el("div", { class: silence ? "stale" : "" }, targets.map(targetRow)), ruledOut(app, targets.some(isMissing)), histogram(now.tracking_ms)].flat(9).filter(Boolean);
 }
 
 function updateNow(app) {

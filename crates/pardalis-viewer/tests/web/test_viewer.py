@@ -123,6 +123,16 @@ def test_slider_and_keys_show_the_rows_of_their_time(report, open_page):
     assert shown(page) == rounded(rows[FRAMES - 2])
 
 
+def test_keys_work_after_a_click_on_what_can_be_opened(report, open_page):
+    page = open_page(report[0])
+    for opened in (".pv-meanings summary", ".pv-settings summary"):
+        page.locator(opened).click()
+        page.keyboard.press("Home")
+        assert page.locator('[data-value="time"] dd').nth(0).inner_text() == "frame 0"
+        page.keyboard.press("ArrowRight")
+        assert page.locator('[data-value="time"] dd').nth(0).inner_text() == "frame 1"
+
+
 def test_it_plays_and_pauses(report, open_page):
     page = open_page(report[0])
     set_slider(page, 0)

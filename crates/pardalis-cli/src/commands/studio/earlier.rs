@@ -94,9 +94,54 @@ pub(super) fn compare(
     let mut comparison = report::compare(ours, theirs)?;
     comparison.other_is_earlier = true;
     let sizes = summaries[1].iter().flat_map(report::diameters_m);
-    show(Outlined {
-        tracks: read_tracks(&rows[1])?,
-        diameters_m: sizes.collect(),
+    let has_other_cameras = optics(summaries[0].as_ref()) != optics(summaries[1].as_ref());
+    // Outlines are drawn as the cameras of the last run show them.
+    show(if has_other_cameras {
+        Outlined::default()
+    } else {
+        Outlined {
+            tracks: read_tracks(&rows[1])?,
+            diameters_m: sizes.collect(),
+        }
     });
-    Ok(json!(comparison))
+    let mut comparison = json!(comparison);
+    comparison["has_other_cameras"] = json!(has_other_cameras);
+    Ok(comparison)
+}
+
+/// Returns what says how the cameras of a run map the world to their images.
+fn optics(summary: Option<&Value>) -> Option<Value> {
+    let mut cameras = summary?["settings"]["cameras"].clone();
+    for (_, camera) in cameras.as_object_mut()? {
+        if let Some(settings) = camera.as_object_mut() {
+            let of_optics = |key: &str| {
+                [
+                    "calibration",
+                    "model",
+                    "plane",
+                    "platform",
+                    "size_px",
+                    "world_from_camera",
+                ]
+                .iter()
+                .any(|start| key.starts_with(start))
+            };
+            settings.retain(|key, _| of_optics(key));
+        }
+    }
+    Some(cameras)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_are_others_if_their_lens_or_pose_is() {
+        let summary = |fps: f64, f_px: f64| json!({ "settings": { "cameras": { "left": { "images": "left", "fps": fps, "model": { "pinhole": { "f_px": [f_px, f_px] } } } } } });
+        let of = |summary: &Value| optics(Some(summary));
+        assert_eq!(of(&summary(25.0, 500.0)), of(&summary(30.0, 500.0)));
+        assert_ne!(of(&summary(25.0, 500.0)), of(&summary(25.0, 510.0)));
+        assert_eq!(optics(None), None);
+    }
 }

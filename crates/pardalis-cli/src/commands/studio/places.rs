@@ -44,9 +44,15 @@ impl Places {
     pub(super) fn allowed(&self, name: &str) -> Result<PathBuf> {
         let found = fs::canonicalize(name).ok();
         let is_below = |path: &PathBuf| self.0.iter().any(|place| path.starts_with(place));
+        // Such as that of a camera, typed as in a browser.
+        let hint = if name.contains([':', '@']) || name.starts_with("www.") {
+            "; an address begins with its protocol, such as http:// or rtsp://"
+        } else {
+            ""
+        };
         found.filter(is_below).ok_or_else(|| {
             user_error!(
-                "{}: is no file or folder below those that `pardalis studio` was given; start it with the folder that holds it",
+                "{}: is no file or folder below those that `pardalis studio` was given; start it with the folder that holds it{hint}",
                 Path::new(name).shown()
             )
         })

@@ -5,7 +5,6 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::Result;
-use pardalis::Tracker;
 use pardalis::shape::Stance;
 use pardalis::tracker::TrackState;
 use pardalis::view::View;
@@ -57,8 +56,7 @@ impl Replayed {
 /// A finished run, with another one over it if two are compared.
 pub(super) struct Replay {
     cameras: Vec<String>,
-    /// Only its views are used.
-    tracker: Tracker,
+    views: Vec<View>,
     /// The poses of cameras that move, by times in seconds.
     poses: Vec<Vec<(f64, Pose)>>,
     targets: Vec<TargetConfig>,
@@ -93,6 +91,7 @@ impl Replay {
         }
         let cameras = run.open.scene.cameras.iter();
         let cameras: Vec<String> = cameras.map(|camera| camera.name.clone()).collect();
+        let views = run.open.tracker.views();
         let poses = (0..cameras.len()).map(|number| run.series.poses(number).to_vec());
         Ok(Self {
             poses: poses.collect(),
@@ -104,7 +103,10 @@ impl Replay {
             },
             examined,
             other: Mutex::default(),
-            tracker: run.open.tracker,
+            views: views
+                .iter()
+                .map(|view| view.clone().at_its_frame())
+                .collect(),
         })
     }
 
@@ -117,7 +119,7 @@ impl Replay {
         let Some(number) = self.cameras.iter().position(|name| name == camera) else {
             return Value::Null;
         };
-        let view = &self.tracker.views()[number];
+        let view = &self.views[number];
         let poses = &self.poses[number];
         let after = poses.partition_point(|(at_s, _)| *at_s < time_s - SAME_TIME_S);
         let moved = poses.get(after).map(|(_, pose)| pose.inverse());
@@ -148,14 +150,23 @@ impl Replay {
         notes.iter().flatten().map(written).collect()
     }
 
+    /// Returns the state of each target at the end.
+    pub(super) fn last(&self) -> Value {
+        let ends_s = self.run.tracks.iter();
+        let ends_s = ends_s.filter_map(|track| Some(track.rows.last()?.0));
+        self.targets(ends_s.fold(f64::NEG_INFINITY, f64::max))
+    }
+
     /// Returns the state of each target at a time: see [`Watch`](crate::tracking::Watch).
     fn targets(&self, time_s: f64) -> Value {
         let targets = self.run.tracks.iter().filter_map(|track| {
-            let (_, row) = row_at(&track.rows, time_s)?;
+            let (at_s, row) = row_at(&track.rows, time_s)?;
+            let number = track.rows.partition_point(|(before_s, _)| before_s < at_s);
             let estimate = row.estimate.as_ref();
             let covariance_m2 = estimate.and_then(|estimate| estimate.covariance_m2);
             Some(json!({
                 "name": track.name,
+                "row": number,
                 "state": row.state.map(TrackState::name),
                 "confidence": row.confidence,
                 "position_m": estimate.map(|estimate| estimate.position_m),

@@ -57,7 +57,8 @@ struct Done {
     radii: Value,
     /// The earlier runs.
     earlier: Value,
-    is_smoothed: bool,
+    /// The targets at the end of a smoothed run.
+    smoothed: Option<Value>,
     replay: Option<Arc<Replay>>,
 }
 
@@ -86,7 +87,8 @@ impl Running {
             seed: None,
             threads: Threads::default(),
             annotate: if page { Annotate::Trails } else { Annotate::No },
-            explain: true,
+            // The pictures of the page are for others.
+            explain: !page,
             particles: None,
             mcap: None,
             send: Vec::new(),
@@ -131,13 +133,15 @@ impl Running {
                             run_report::warnings(&run),
                             run_report::summary(&run)
                         );
+                        let radii = radii_of(&run);
+                        // Without rows there is nothing to replay.
+                        let replay = Replay::of(run, &rows, examined).ok().map(Arc::new);
                         Outcome::Done(Done {
                             text,
-                            radii: radii_of(&run),
+                            radii,
                             earlier: earlier::list(&results),
-                            is_smoothed: smooth,
-                            // Without rows there is nothing to replay.
-                            replay: Replay::of(run, &rows, examined).ok().map(Arc::new),
+                            smoothed: replay.as_ref().filter(|_| smooth).map(|one| one.last()),
+                            replay,
                         })
                     }
                     // It has results nevertheless.
@@ -206,7 +210,7 @@ impl Running {
             about["report"] = json!(done.text.trim());
             about["radii"] = done.radii;
             about["earlier"] = done.earlier;
-            about["is_smoothed"] = json!(done.is_smoothed);
+            about["smoothed"] = json!(done.smoothed);
             about["can_replay"] = json!(done.replay.is_some());
         }
         about

@@ -217,7 +217,17 @@ impl Session {
         let (number, frame) = self.inner().shown(&label.camera)?;
         let lens = self.inner().lens(&label.camera);
         let outline_px = if self.inner().is_ball(&label.target) {
-            outline_of(&frame, lens.clone(), pointed)?
+            let outline_px = outline_of(&frame, lens.clone(), pointed)?;
+            if label
+                .at_px
+                .is_some_and(|at_px| !is_around(&outline_px, at_px))
+            {
+                return Err(user_error!(
+                    "no outline is found around this place; drag a box closely around {}",
+                    label.target
+                ));
+            }
+            outline_px
         } else {
             box_of(&frame, pointed)?
         };
@@ -261,7 +271,10 @@ impl Session {
         self.edit(&format!("targets.{target}.colors"), what, |state| {
             let samples = state.samples.entry(target.to_owned()).or_default();
             change(samples)?;
-            if !samples.is_empty() {
+            if samples.is_empty() {
+                // What was learnt from labels that are gone.
+                state.files.remove(&file);
+            } else {
                 let learnt = learnt.insert(learn_samples(samples)?);
                 // A model that was not learnt here stays as it is.
                 let is_own = state.files.contains_key(&file) || !file.exists();
@@ -361,6 +374,15 @@ impl Inner {
     }
 }
 
+/// Reports whether an outline is around a place, or nearly: small balls are not hit exactly.
+fn is_around(outline_px: &[[f64; 2]], at_px: [f64; 2]) -> bool {
+    let count = outline_px.len() as f64;
+    let middle = [0, 1].map(|axis| outline_px.iter().map(|point| point[axis]).sum::<f64>() / count);
+    let away = |[u, v]: [f64; 2]| libm::hypot(u - middle[0], v - middle[1]);
+    let radius_px = outline_px.iter().map(|point| away(*point)).sum::<f64>() / count;
+    away(at_px) <= 1.3 * radius_px + 2.0
+}
+
 /// Returns a name of a camera that the scene does not have.
 fn unused_name(text: &str, wanted: &str) -> String {
     let table: toml::Table = text.parse().unwrap_or_default();
@@ -369,4 +391,22 @@ fn unused_name(text: &str, wanted: &str) -> String {
     let numbered = (2..).map(|number| format!("{wanted}-{number}"));
     let mut names = std::iter::once(wanted.to_owned()).chain(numbered);
     names.find(is_free).unwrap_or_else(|| wanted.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outlines_are_around_places_within_or_beside_them() {
+        let circle = |radius_px: f64| {
+            let angles = (0..36).map(|step| f64::from(step).to_radians() * 10.0);
+            let points = angles.map(|a| [100.0 + radius_px * a.cos(), 50.0 + radius_px * a.sin()]);
+            points.collect::<Vec<_>>()
+        };
+        assert!(is_around(&circle(20.0), [110.0, 45.0]));
+        assert!(is_around(&circle(3.0), [104.0, 53.0]));
+        assert!(!is_around(&circle(20.0), [130.0, 50.0]));
+        assert!(!is_around(&circle(3.0), [110.0, 50.0]));
+    }
 }

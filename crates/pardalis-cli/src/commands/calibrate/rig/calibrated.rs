@@ -139,6 +139,8 @@ impl CalibratedRig {
                     camera: &config.name,
                     key,
                     value,
+                    // Beside a guess, all poses are.
+                    is_guess: key == "world_from_camera" && self.world.guess.is_some(),
                 });
             };
             let table = given.get("cameras").and_then(|all| all.get(&config.name));
@@ -157,8 +159,8 @@ impl CalibratedRig {
                     set(key, value);
                 }
             }
-            let is_guess = self.world.guess == Some(number);
-            if !is_guess && (!is_posed || has("world_from_camera")) {
+            let is_kept = self.world.guess == Some(number);
+            if !is_kept && (!is_posed || has("world_from_camera")) {
                 set("world_from_camera", report::pose_value(camera));
             }
             set(

@@ -80,6 +80,7 @@ impl<'a> Report<'a> {
                 camera,
                 key: "time_offset_s",
                 value: offset_s.into(),
+                is_guess: false,
             })
             .collect()
     }
