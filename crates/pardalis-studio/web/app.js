@@ -302,6 +302,8 @@ function show(topic, value, image) {
     const before = app.images.get(key);
     app.images.set(key, { image, about: value, at: performance.now() });
     before?.image.close();
+    // The latest images and messages may come before the state.
+    if (!app.state) return;
     app.step.seen?.(app, topic);
     // Drawing takes most of the time of a page: only the picture that the image is of, unless it may be any.
     const own = app.pictures.get(name);
@@ -315,7 +317,7 @@ function show(topic, value, image) {
   if (app.state?.watched && (topic === "scene" || topic === "over")) app.take(app.state);
   if (topic === "changed") return ask("state").then((state) => app.take(state));
   if (kind === "source" && app.pictures.has(name)) app.pictures.get(name).caption.isConnected && updateCaption(name);
-  app.step.told?.(app, topic, value);
+  if (app.state) app.step.told?.(app, topic, value);
 }
 
 /** A slider that is held keeps its element. */
