@@ -12,7 +12,6 @@ use pardalis_scene::{
 };
 
 use crate::detections::{CameraDetections, Detections, Images};
-use crate::interrupt::Stop;
 use crate::measurements::MeasurementRows;
 use crate::named_files;
 use crate::output::{Shown, warn};
@@ -23,7 +22,7 @@ use crate::scene_files::{SceneFiles, read_calibration, read_text, resolve};
 use crate::shell_word::shell_word;
 use crate::source::decode::media_kind;
 use crate::source::images::image_names;
-use crate::source::{Source, SourceConfig, SourceKind, Timing};
+use crate::source::{OpenCameras, Source, SourceConfig, SourceKind, Timing};
 use crate::user_error::{UserError, user_error};
 
 /// With an interval of this many seconds or more between images, time stamps may be in another unit.
@@ -46,26 +45,6 @@ pub(crate) struct OpenScene {
     pub(crate) detections: Detections,
     /// The tracker, ready for the first frames.
     pub(crate) tracker: Tracker,
-}
-
-/// Live cameras that are open already when a scene is opened, and what ends the wait for others.
-#[derive(Default)]
-pub(crate) struct Live {
-    /// Ends the wait for a camera.
-    pub(crate) stop: Stop,
-    /// Those that are open already, with their settings. They are taken.
-    pub(crate) open: Vec<(SourceConfig, Source)>,
-}
-
-impl Live {
-    /// Returns the source with these settings, which is opened unless it is open already.
-    fn open(&mut self, config: &SourceConfig) -> Result<Source> {
-        let is_open = |(open, _): &(SourceConfig, Source)| open.is_same(config);
-        match self.open.iter().position(is_open) {
-            Some(number) => Ok(self.open.swap_remove(number).1),
-            None => Source::open_until(config, &self.stop),
-        }
-    }
 }
 
 impl OpenScene {
@@ -192,7 +171,7 @@ pub(crate) fn open(
     seed: Option<u32>,
     stills: &[PathBuf],
 ) -> Result<OpenScene> {
-    let mut live = Live::default();
+    let mut live = OpenCameras::default();
     open_with(path, scene, seed, stills, &mut live)
 }
 
@@ -204,7 +183,7 @@ pub(crate) fn open_with(
     mut scene: Scene,
     seed: Option<u32>,
     stills: &[PathBuf],
-    live: &mut Live,
+    live: &mut OpenCameras,
 ) -> Result<OpenScene> {
     if !stills.is_empty() && scene.cameras.len() != 1 {
         return Err(user_error!(
@@ -248,7 +227,7 @@ pub(crate) fn open_parts(path: &Path) -> Result<Parts> {
     let missing = named_files::missing(&text, folder, &scene);
     let mut parts = Parts::with(scene, problems);
     parts.assembly.problems.extend(missing);
-    parts.open_cameras(folder, &[], &mut Live::default())?;
+    parts.open_cameras(folder, &[], &mut OpenCameras::default())?;
     parts.find_recorded_rectangles(folder);
     parts.open_targets(folder);
     Ok(parts)
@@ -311,7 +290,12 @@ impl Parts {
     /// Opens the frames of all cameras, or `stills` in place of those of its only camera.
     ///
     /// Errors: the stills cannot be opened.
-    fn open_cameras(&mut self, folder: &Path, stills: &[PathBuf], live: &mut Live) -> Result<()> {
+    fn open_cameras(
+        &mut self,
+        folder: &Path,
+        stills: &[PathBuf],
+        live: &mut OpenCameras,
+    ) -> Result<()> {
         // The images that come while a camera is being opened need poses, too.
         let listening: Vec<_> = (self.scene.platforms.iter())
             .map(|platform| {
@@ -573,7 +557,7 @@ pub(crate) fn open_camera(
     let problem = |problem| problems_in("scene", path, &[problem]);
     let resolved = &mut toml::Table::new();
     let source = if stills.is_empty() {
-        let live = &mut Live::default();
+        let live = &mut OpenCameras::default();
         let source = open_source(&mut camera, folder, resolved, live).map_err(problem)?;
         source_warning(path, &camera, &source).iter().for_each(warn);
         source
@@ -609,11 +593,11 @@ fn open_source(
     camera: &mut CameraConfig,
     folder: &Path,
     resolved: &mut toml::Table,
-    live: &mut Live,
+    live: &mut OpenCameras,
 ) -> Result<Source, Problem> {
     let config = source_config(camera, folder)?;
     let place = camera.input.place();
-    let source = live.open(&config);
+    let source = live.take(&config);
     let mut source = source.map_err(|error| place.problem(format!("{error:#}")))?;
     if source.is_live() {
         find_in_source(camera, &mut source, resolved)?;

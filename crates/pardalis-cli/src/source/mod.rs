@@ -9,6 +9,7 @@ pub(crate) mod images;
 mod live;
 mod mcap;
 mod nut;
+mod open;
 mod probed;
 mod running;
 mod steps;
@@ -37,6 +38,7 @@ use crate::user_error::user_error;
 use ahead::{Ahead, Slot};
 use ffmpeg::Programs;
 use images::ImageFrames;
+pub(crate) use open::OpenCameras;
 use running::Running;
 use video::VideoFrames;
 

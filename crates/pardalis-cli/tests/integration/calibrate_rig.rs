@@ -429,6 +429,15 @@ fn focal_lengths_are_refined_on_request() {
     assert!(count > 0, "{table}");
 }
 
+/// Calibrates the rig and replaces the poses in the scene itself.
+const IN_PLACE: [&str; 5] = [
+    "calibrate",
+    "rig",
+    "scene.toml",
+    "--corrected",
+    "scene.toml",
+];
+
 #[test]
 fn a_pose_in_the_scene_is_kept_and_guesses_are_replaced() {
     let matrix = |pose: &IsometryMatrix3<f64>| {
@@ -451,14 +460,7 @@ fn a_pose_in_the_scene_is_kept_and_guesses_are_replaced() {
         );
     let text = format!("guessed = [\"cameras.cam1.world_from_camera\"]\n{text}");
     let folder = folder(&[("scene.toml", text)]);
-    let arguments = [
-        "calibrate",
-        "rig",
-        "scene.toml",
-        "--corrected",
-        "scene.toml",
-    ];
-    let run = Run::pardalis(&folder, &arguments);
+    let run = Run::pardalis(&folder, &IN_PLACE);
     assert!(
         run.stderr.contains("guesses: world_from_camera"),
         "{}",
@@ -490,16 +492,9 @@ fn without_a_pose_the_first_guess_is_kept_and_all_poses_stay_guesses() {
     let names = ["cam1", "cam2"].map(|name| format!("\"cameras.{name}.world_from_camera\""));
     let listed = format!("guessed = [{}]\n", names.join(", "));
     let folder = folder(&[("scene.toml", format!("{listed}{text}"))]);
-    let arguments = [
-        "calibrate",
-        "rig",
-        "scene.toml",
-        "--corrected",
-        "scene.toml",
-    ];
     // Once more, and nothing has become known.
     for _ in 0..2 {
-        let run = Run::pardalis(&folder, &arguments);
+        let run = Run::pardalis(&folder, &IN_PLACE);
         assert!(
             run.stdout.contains("cam1 keeps the guess of its pose"),
             "{}",

@@ -717,6 +717,25 @@ def test_an_angle_of_view_counts_without_its_button(studio, tmp_path):
     until(lambda: "55 degrees across the longer side" in one.ask("state")["text"])
 
 
+def test_what_was_learnt_from_removed_labels_is_forgotten(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "frames")
+    one = studio("frames")
+    expect(one.page.locator("[data-camera=camera]:not(.waits)")).to_be_visible()
+    one.ask("add_target", {"name": "ball"})
+    truth = truth_of("dioptric-jump")[0]
+    one.ask("label", {"camera": "camera", "target": "ball", "at_px": [float(truth["u_px"]), float(truth["v_px"])]})
+    one.step("colors")
+    expect(one.page.locator("#labels li")).to_have_count(1)
+    expect(one.page.locator("#step-colors .number")).to_have_text("✓")
+    assert (tmp_path / "ball.colors.toml").exists()
+    one.ask("unlabel", {"target": "ball", "number": 0})
+    expect(one.page.locator("#step-colors .number")).not_to_have_text("✓")
+    expect(one.page.locator("#panel .hint")).to_contain_text("Click ball in the picture")
+    assert not (tmp_path / "ball.colors.toml").exists()
+    one.page.click("#undo")
+    expect(one.page.locator("#step-colors .number")).to_have_text("✓")
+
+
 def test_a_camera_of_single_images_needs_only_its_address(studio, single_images):
     one = studio()
     page = one.page

@@ -6,7 +6,7 @@ use crate::Frame;
 use crate::frame::check_time;
 use pardalis_core::Error;
 
-/// The frames of one instant, at most one per camera, and the time of the instant, which is that of the frames.
+/// The frames of one instant, at most one per camera, and the time of the instant, which is that of the latest frame.
 ///
 /// ```
 /// use pardalis::color::YuvEncoding;

@@ -17,8 +17,7 @@ use crate::commands::calibrate::rig::{CalibratedRig, Known, Task};
 use crate::commands::calibrate::time::detect::Until;
 use crate::draw::picture::{jpeg_of, picture_of};
 use crate::interrupt::Stop;
-use crate::scene::Live;
-use crate::source::{Source, SourceConfig};
+use crate::source::{OpenCameras, Source, SourceConfig};
 use crate::timing::now_s;
 use crate::user_error::user_error;
 
@@ -210,9 +209,9 @@ impl Work {
             until: self.until,
         };
         let (weak, shared) = (&self.session, &self.shared);
-        let mut live = Live {
+        let mut live = OpenCameras {
             open: self.open,
-            ..Live::default()
+            ..OpenCameras::default()
         };
         let done = CalibratedRig::of(&task, &mut live, &|name, frame, detections| {
             see(weak, shared, name, frame, detections);

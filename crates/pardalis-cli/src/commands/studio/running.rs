@@ -14,8 +14,8 @@ use crate::arguments::Threads;
 use crate::commands::run_report;
 use crate::interrupt::Stop;
 use crate::output::Shown as _;
-use crate::scene::{self, Live};
-use crate::source::{Source, SourceConfig};
+use crate::scene;
+use crate::source::{OpenCameras, Source, SourceConfig};
 use crate::tracking::{
     self, Annotate, Examined, Limit, Options, Output, Previous, ROWS, Recording, Run, Watch,
 };
@@ -113,7 +113,7 @@ impl Running {
         let thread = std::thread::Builder::new()
             .name("run".to_owned())
             .spawn(move || {
-                let mut live = Live {
+                let mut live = OpenCameras {
                     stop: stopped.clone(),
                     open,
                 };

@@ -19,8 +19,9 @@ use super::super::time::target;
 use super::align::{Alignment, Ball, Known, World};
 use super::report::{self, Report};
 use crate::output::Shown;
-use crate::scene::{self, Live};
+use crate::scene;
 use crate::scene_files::read_calibration;
+use crate::source::OpenCameras;
 use crate::user_error::user_error;
 
 /// What to calibrate, from what, and how.
@@ -52,7 +53,7 @@ impl CalibratedRig {
     /// Errors: the scene has problems, or the detections do not determine the rig, with the remedy.
     pub(in crate::commands) fn of(
         task: &Task,
-        live: &mut Live,
+        live: &mut OpenCameras,
         seen: &(impl Fn(&str, &Frame, &[Detection]) + Sync),
     ) -> Result<Self> {
         let path = task.path;

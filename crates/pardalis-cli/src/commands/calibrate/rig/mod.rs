@@ -17,7 +17,8 @@ use crate::board::parse_board;
 use crate::commands::init::shown_path;
 use crate::files::write_file;
 use crate::output::{Shown, print};
-use crate::scene::{self, Live};
+use crate::scene;
+use crate::source::OpenCameras;
 use crate::user_error::user_error;
 pub(in crate::commands) use align::Known;
 pub(in crate::commands) use calibrated::{CalibratedRig, Task};
@@ -102,7 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             ..Until::default()
         },
     };
-    let calibrated = CalibratedRig::of(&task, &mut Live::default(), &|_, _, _| ())?;
+    let calibrated = CalibratedRig::of(&task, &mut OpenCameras::default(), &|_, _, _| ())?;
     let report = calibrated.report();
 
     let folder = output::folder(arguments.output.as_deref(), path, "rig");
