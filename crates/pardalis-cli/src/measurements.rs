@@ -12,11 +12,11 @@ use serde_json::{Value, json};
 use crate::numbers::counted;
 use crate::output::Shown;
 use crate::source::TimeSpan;
-use crate::tables::{Column, Row, Table};
+use crate::tables::{COVARIANCE, Column, Row, Table, VELOCITY_COVARIANCE};
 use crate::user_error::user_error;
 
 /// The columns of a file; each group may be left out.
-const COLUMNS: &str = "time_s and x_m,y_m,z_m,sigma_m (or xx_m2 to zz_m2), vx_mps,vy_mps,vz_mps,velocity_sigma_mps, from_x_m,from_y_m,from_z_m with range_m,range_sigma_m or direction_x,direction_y,direction_z,direction_sigma_rad";
+const COLUMNS: &str = "time_s and x_m,y_m,z_m,sigma_m (or xx_m2 to zz_m2), vx_mps,vy_mps,vz_mps,velocity_sigma_mps (or vxx_m2ps2 to vzz_m2ps2), from_x_m,from_y_m,from_z_m with range_m,range_sigma_m or direction_x,direction_y,direction_z,direction_sigma_rad";
 
 /// A run of which more than this share of the measurements are outliers has a warning.
 const MANY_REJECTED: f64 = 0.1;
@@ -187,14 +187,14 @@ pub(crate) fn rows_in(table: &Table) -> Result<Vec<(Measurement, u64)>> {
     let position = VectorColumns {
         coordinates: ["x_m", "y_m", "z_m"].map(optional),
         sigma: optional("sigma_m"),
-        covariance: table.optional_columns(["xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2"]),
+        covariance: table.optional_columns(COVARIANCE),
         needed: "sigma_m, or xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2",
     };
     let velocity = VectorColumns {
         coordinates: ["vx_mps", "vy_mps", "vz_mps"].map(optional),
         sigma: optional("velocity_sigma_mps"),
-        covariance: None,
-        needed: "velocity_sigma_mps",
+        covariance: table.optional_columns(VELOCITY_COVARIANCE),
+        needed: "velocity_sigma_mps, or vxx_m2ps2,vxy_m2ps2,vxz_m2ps2,vyy_m2ps2,vyz_m2ps2,vzz_m2ps2",
     };
     let range = optional("range_m");
     let direction = table.optional_columns(["direction_x", "direction_y", "direction_z"]);
@@ -293,12 +293,16 @@ mod tests {
 
     #[test]
     fn tracks_of_another_run_are_measurements() {
-        let text = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2\n\
-                    0,0.1,ball,searching,,,,,,,,,,\n1,0.2,ball,tracking,1,2,3,,0.01,0,0,0.02,0,0.03\n";
+        let text = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,\
+                    vxx_m2ps2,vxy_m2ps2,vxz_m2ps2,vyy_m2ps2,vyz_m2ps2,vzz_m2ps2\n\
+                    0,0.1,ball,searching,,,,,,,,,,,,,,,,,,\n\
+                    1,0.2,ball,tracking,1,2,3,4,5,6,0.01,0,0,0.02,0,0.03,0.1,0,0,0.2,0.01,0.3\n";
         let found = read(text).unwrap();
         let covariance = [0.01, 0.0, 0.0, 0.02, 0.0, 0.03];
         let place = Measurement::position(0.2, [Some(1.0), Some(2.0), Some(3.0)], covariance);
-        assert_eq!(found, [(place.unwrap(), 3)]);
+        let covariance = [0.1, 0.0, 0.0, 0.2, 0.01, 0.3];
+        let velocity = Measurement::velocity(0.2, [Some(4.0), Some(5.0), Some(6.0)], covariance);
+        assert_eq!(found, [(place.unwrap(), 3), (velocity.unwrap(), 3)]);
     }
 
     #[test]

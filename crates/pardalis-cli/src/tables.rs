@@ -14,6 +14,19 @@ use crate::files::Lines;
 use crate::output::Shown;
 use crate::user_error::user_error;
 
+/// The columns of the covariance of a position.
+pub(crate) const COVARIANCE: [&str; 6] = ["xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2"];
+
+/// The columns of the covariance of a velocity.
+pub(crate) const VELOCITY_COVARIANCE: [&str; 6] = [
+    "vxx_m2ps2",
+    "vxy_m2ps2",
+    "vxz_m2ps2",
+    "vyy_m2ps2",
+    "vyz_m2ps2",
+    "vzz_m2ps2",
+];
+
 /// The rows of one target or object over time.
 #[derive(Debug)]
 pub(crate) struct Series<T> {
@@ -50,7 +63,8 @@ pub(crate) fn tracks_of(table: &Table) -> Result<Vec<Series<TrackRow>>> {
     let best = table.optional_columns(["best_x_m", "best_y_m", "best_z_m"]);
     let velocity = table.optional_columns(["vx_mps", "vy_mps", "vz_mps"]);
     let heading = table.optional_column("heading_rad");
-    let covariance = table.optional_columns(["xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2"]);
+    let covariance = table.optional_columns(COVARIANCE);
+    let velocity_covariance = table.optional_columns(VELOCITY_COVARIANCE);
     let confidence = table.optional_column("confidence");
     let mut tracks = Collector::default();
     for row in table.rows() {
@@ -58,12 +72,14 @@ pub(crate) fn tracks_of(table: &Table) -> Result<Vec<Series<TrackRow>>> {
         let velocity_mps = row.all_or_none(velocity)?;
         let heading_rad = row.optional_number(heading)?;
         let covariance_m2 = row.all_or_none(covariance)?;
+        let velocity_covariance_m2ps2 = row.all_or_none(velocity_covariance)?;
         let estimate = row
             .all_or_none(Some(position))?
             .map(|position_m| EstimatedState {
                 position_m,
                 best_position_m,
                 velocity_mps,
+                velocity_covariance_m2ps2,
                 heading_rad,
                 covariance_m2,
             });

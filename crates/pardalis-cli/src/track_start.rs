@@ -60,11 +60,15 @@ pub(crate) fn read(
             start.target
         ));
     };
+    let stated_mps = estimate
+        .velocity_covariance_m2ps2
+        .map(|[xx, _, _, yy, _, zz]| [xx, yy, zz].map(f64::sqrt));
+    let given_mps = start.velocity_sigma_mps.map(|sigma_mps| [sigma_mps; 3]);
     let there = GaussianStart {
         position_m: estimate.position_m,
         covariance_m2,
         velocity_mps: estimate.velocity_mps.unwrap_or_default(),
-        velocity_sigma_mps: [start.velocity_sigma_mps; 3],
+        velocity_sigma_mps: (given_mps.or(stated_mps)).unwrap_or(GaussianStart::VELOCITY_SIGMA_MPS),
     };
     let here = there.moved(&start.world_from_other);
     here.check().map_err(|error| {

@@ -38,6 +38,11 @@ impl EstimatedState {
     pub fn moved(&self, truth_from_track: &Pose) -> Self {
         let turn = truth_from_track.rotation;
         let place = |at_m: [f64; 3]| (truth_from_track * Point3::from(at_m)).coords.into();
+        let turned = |[xx, xy, xz, yy, yz, zz]: [f64; 6]| {
+            let covariance = nalgebra::Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            let turned = turn.matrix() * covariance * turn.matrix().transpose();
+            [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| turned[at])
+        };
         Self {
             position_m: place(self.position_m),
             best_position_m: self.best_position_m.map(place),
@@ -47,11 +52,8 @@ impl EstimatedState {
                 let ahead = turn * Vector3::new(cos, sin, 0.0);
                 libm::atan2(ahead.y, ahead.x)
             }),
-            covariance_m2: self.covariance_m2.map(|[xx, xy, xz, yy, yz, zz]| {
-                let covariance = nalgebra::Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-                let turned = turn.matrix() * covariance * turn.matrix().transpose();
-                [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| turned[at])
-            }),
+            velocity_covariance_m2ps2: self.velocity_covariance_m2ps2.map(turned),
+            covariance_m2: self.covariance_m2.map(turned),
         }
     }
 }
@@ -99,6 +101,7 @@ mod tests {
         let estimate = EstimatedState {
             best_position_m: Some([0.0, 2.0, 0.0]),
             velocity_mps: Some([3.0, 0.0, 1.0]),
+            velocity_covariance_m2ps2: Some([9.0, 0.25, 0.5, 4.0, 0.125, 1.0]),
             heading_rad: Some(0.25),
             covariance_m2: Some([4.0, 0.5, 0.25, 1.0, 0.125, 9.0]),
             ..EstimatedState::at([2.0, 0.0, 5.0])
@@ -114,5 +117,8 @@ mod tests {
         ));
         let turned = [1.0, -0.5, -0.125, 4.0, 0.25, 9.0];
         assert!(near(&moved.covariance_m2.unwrap(), &turned));
+        let turned = [4.0, -0.25, -0.125, 9.0, 0.5, 1.0];
+        let of_velocity_m2ps2 = moved.velocity_covariance_m2ps2.unwrap();
+        assert!(near(&of_velocity_m2ps2, &turned));
     }
 }

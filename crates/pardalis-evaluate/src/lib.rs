@@ -75,6 +75,8 @@ pub struct EstimatedState {
     pub best_position_m: Option<[f64; 3]>,
     /// Velocity in m/s, if the track has one.
     pub velocity_mps: Option<[f64; 3]>,
+    /// Covariance of the velocity in m²/s² (xx, xy, xz, yy, yz, zz), if the track has one.
+    pub velocity_covariance_m2ps2: Option<[f64; 6]>,
     /// Heading in radians, counter-clockwise from the world's x axis, if the track has one.
     pub heading_rad: Option<f64>,
     /// Covariance of the position in m² (xx, xy, xz, yy, yz, zz), if the track has one.
@@ -88,6 +90,7 @@ impl EstimatedState {
             position_m,
             best_position_m: None,
             velocity_mps: None,
+            velocity_covariance_m2ps2: None,
             heading_rad: None,
             covariance_m2: None,
         }

@@ -73,11 +73,13 @@ pub struct Errors {
     pub course: Option<Course>,
     /// Errors of the heading; `None` if no frame has both headings.
     pub heading: Option<Heading>,
-    /// Consistency of the covariances with the errors.
+    /// Consistency of the covariances of the position with its errors.
     pub consistency: Consistency,
+    /// The same of the velocity, over frames with both velocities; `None` if none of them has a covariance.
+    pub velocity_consistency: Option<Consistency>,
 }
 
-/// Normalised estimation error squared (NEES) of the position, e′ C⁻¹ e.
+/// Normalised estimation error squared (NEES) of the position or the velocity, e′ C⁻¹ e.
 ///
 /// With correct covariances its mean is the number of dimensions, and 95 % of the values lie within the
 /// chi-square bound.
@@ -173,17 +175,28 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
         velocity_rmse_mps: mean(&squared_velocity_errors).map(f64::sqrt),
         course: Course::of(pairs),
         heading: Heading::of(pairs),
-        consistency: consistency(pairs),
+        consistency: consistency(pairs.iter().map(|(e, t)| {
+            let error_m = difference(e.position_m, t.position_m);
+            (error_m, e.covariance_m2)
+        })),
+        velocity_consistency: Some(consistency(pairs.iter().filter_map(|(e, t)| {
+            let error_mps = difference(e.velocity_mps?, t.velocity_mps?);
+            Some((error_mps, e.velocity_covariance_m2ps2))
+        })))
+        .filter(|found| found.estimates > 0),
     }
 }
 
-/// Compares the covariances with the errors.
-fn consistency(pairs: &[(EstimatedState, TrueState)]) -> Consistency {
-    let nees: Vec<Nees> = pairs.iter().filter_map(|(e, t)| Nees::of(e, t)).collect();
-    let mean_of = |value: fn(&Nees) -> f64| mean(&nees.iter().map(value).collect::<Vec<_>>());
+/// Compares errors with their covariances, if there are any.
+fn consistency(errors: impl Iterator<Item = ([f64; 3], Option<[f64; 6]>)>) -> Consistency {
+    let all: Vec<Option<Nees>> = errors
+        .map(|(error, covariance)| Nees::of(error, covariance?))
+        .collect();
+    let nees: Vec<&Nees> = all.iter().flatten().collect();
+    let mean_of = |value: fn(&&Nees) -> f64| mean(&nees.iter().map(value).collect::<Vec<_>>());
     Consistency {
         estimates: nees.len(),
-        left_out: pairs.len() - nees.len(),
+        left_out: all.len() - nees.len(),
         mean_nees: mean_of(|n| n.value),
         mean_nees_band_99: mean_band_99(&nees.iter().map(|n| n.value).collect::<Vec<_>>()),
         expected_nees: mean_of(|n| n.dimensions),
@@ -202,10 +215,8 @@ struct Nees {
 }
 
 impl Nees {
-    /// Computes the error; `None` if the covariance is missing or not positive definite.
-    fn of(estimate: &EstimatedState, truth: &TrueState) -> Option<Self> {
-        let [xx, xy, xz, yy, yz, zz] = estimate.covariance_m2?;
-        let [x, y, z] = difference(estimate.position_m, truth.position_m);
+    /// Computes the error; `None` if the covariance is not positive definite.
+    fn of([x, y, z]: [f64; 3], [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Option<Self> {
         if zz == 0.0 {
             Some(Self {
                 value: nees(Vector2::new(x, y), Matrix2::new(xx, xy, xy, yy))?,
@@ -423,6 +434,33 @@ mod tests {
         assert_near(c.mean_nees.unwrap(), 6.0);
         assert_eq!(c.expected_nees, Some(3.0));
         assert_near(c.share_within_95.unwrap(), 2.0 / 3.0);
+    }
+
+    #[test]
+    fn consistency_of_velocities_needs_both_and_a_covariance() {
+        let moving = |velocity_mps: Option<[f64; 3]>, covariance: Option<[f64; 6]>| {
+            let mut s = with_covariance([0.1, 0.0, 0.0], [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]);
+            let estimate = s.estimate.as_mut().unwrap();
+            estimate.velocity_mps = Some([1.0, 2.0, 3.0]);
+            estimate.velocity_covariance_m2ps2 = covariance;
+            s.truth.velocity_mps = velocity_mps;
+            s
+        };
+        let truth_mps = Some([1.0, 2.5, 3.0]);
+        let diagonal = Some([1.0, 0.0, 0.0, 0.25, 0.0, 4.0]);
+        let samples = [
+            moving(truth_mps, diagonal), // 1
+            moving(truth_mps, None),     // left out
+            moving(None, diagonal),      // nothing to compare with
+        ];
+        let errors = errors_of(&samples, &Settings::default());
+        let found = errors.velocity_consistency.unwrap();
+        assert_eq!((found.estimates, found.left_out), (1, 1));
+        assert_near(found.mean_nees.unwrap(), 1.0);
+        assert_eq!(found.expected_nees, Some(3.0));
+        assert_eq!(errors.consistency.estimates, 3);
+        let errors = errors_of(&samples[1..], &Settings::default());
+        assert_eq!(errors.velocity_consistency, None);
     }
 
     #[test]

@@ -7,6 +7,8 @@ pub struct StateEstimate {
     pub position_m: [f64; 3],
     /// Weighted mean of the velocity in m/s. `None` if the motion model has no velocity.
     pub velocity_mps: Option<[f64; 3]>,
+    /// Covariance of the velocity in m²/s²: xx, xy, xz, yy, yz, zz. `None` if the motion model has no velocity.
+    pub velocity_covariance_m2ps2: Option<[f64; 6]>,
     /// Covariance of the position in m²: xx, xy, xz, yy, yz, zz.
     pub covariance_m2: [f64; 6],
     /// Position of the best particle, metres (thesis eq. 5.4).

@@ -51,14 +51,19 @@ impl GaussianStart {
         }
     }
 
-    /// Creates a prior from an estimate. Estimates carry no uncertainty of the velocity, so the
-    /// caller supplies its standard deviation per axis, in m/s.
-    pub fn from_estimate(estimate: &StateEstimate, velocity_sigma_mps: f64) -> Self {
+    /// Creates a prior from an estimate, without the correlations of its velocity. An estimate without a
+    /// velocity is taken for one at rest, with the default deviations.
+    pub fn from_estimate(estimate: &StateEstimate) -> Self {
+        let variances = estimate
+            .velocity_covariance_m2ps2
+            .map(|[xx, _, _, yy, _, zz]| [xx, yy, zz]);
         Self {
             position_m: estimate.position_m,
             covariance_m2: estimate.covariance_m2,
             velocity_mps: estimate.velocity_mps.unwrap_or_default(),
-            velocity_sigma_mps: [velocity_sigma_mps; 3],
+            velocity_sigma_mps: variances.map_or(Self::VELOCITY_SIGMA_MPS, |variances| {
+                variances.map(f64::sqrt)
+            }),
         }
     }
 
@@ -242,11 +247,12 @@ mod tests {
         let estimate = StateEstimate {
             position_m: [3.0, 1.0, 0.1],
             velocity_mps: Some([1.0, 0.0, -2.0]),
+            velocity_covariance_m2ps2: Some([0.16, 0.05, 0.0, 0.09, -0.02, 0.25]),
             covariance_m2: [0.04, 0.01, 0.002, 0.09, 0.003, 0.0025],
             best_position_m: [0.0; 3],
             effective_sample_size: 10.0,
         };
-        let start = GaussianStart::from_estimate(&estimate, 0.3).moved(&world_from_other);
+        let start = GaussianStart::from_estimate(&estimate).moved(&world_from_other);
         let near = |a: &[f64], b: &[f64]| {
             let all_near = a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
             assert!(all_near, "{a:?} {b:?}");
@@ -255,7 +261,17 @@ mod tests {
         near(&start.velocity_mps, &[0.0, 1.0, -2.0]);
         let expected = [0.09, -0.01, -0.003, 0.04, 0.002, 0.0025];
         near(&start.covariance_m2, &expected);
-        near(&start.velocity_sigma_mps, &[0.3; 3]);
+        near(&start.velocity_sigma_mps, &[0.3, 0.4, 0.5]);
         assert_eq!(start.check(), Ok(()));
+        let at_rest = GaussianStart::from_estimate(&StateEstimate {
+            velocity_mps: None,
+            velocity_covariance_m2ps2: None,
+            ..estimate
+        });
+        assert_eq!(at_rest.velocity_mps, [0.0; 3]);
+        assert_eq!(
+            at_rest.velocity_sigma_mps,
+            GaussianStart::VELOCITY_SIGMA_MPS
+        );
     }
 }

@@ -273,7 +273,7 @@ impl ParticleFilter {
         self.weights.fill(1.0 / self.particles.count() as f64);
     }
 
-    /// Returns the mean, covariance and best particle extrapolated to `ahead_s` seconds after the
+    /// Returns the means, covariances and best particle extrapolated to `ahead_s` seconds after the
     /// last observation. The filter itself does not change.
     pub fn estimate(&self, ahead_s: f64) -> StateEstimate {
         let columns = self.particles.columns();
@@ -303,15 +303,27 @@ impl ParticleFilter {
         let positions = self.weights.iter().enumerate();
         let positions = positions.map(|(i, &w)| ([0, 1, 2].map(|axis| position(axis, i)), w));
         add_scatter(positions, position_m, &mut covariance_m2);
-        let noise = self.settings.motion.position_variance_m2(ahead_s);
-        let free_axes = self.settings.motion.free_axes();
-        for diagonal in [0, 3, 5].into_iter().take(free_axes) {
-            covariance_m2[diagonal] += noise;
-        }
+        let motion = &self.settings.motion;
+        add_noise(
+            motion,
+            motion.position_variance_m2(ahead_s),
+            &mut covariance_m2,
+        );
+        let velocity_covariance_m2ps2 = has_velocity.then(|| {
+            let mut covariance_m2ps2 = [0.0; 6];
+            let velocities = self.weights.iter().enumerate();
+            let velocities =
+                velocities.map(|(i, &w)| ([0, 1, 2].map(|axis| predicted(1, axis, i)), w));
+            add_scatter(velocities, velocity_mps, &mut covariance_m2ps2);
+            let noise_m2ps2 = motion.velocity_variance_m2ps2(ahead_s);
+            add_noise(motion, noise_m2ps2, &mut covariance_m2ps2);
+            covariance_m2ps2
+        });
         let best = heaviest(&self.weights);
         StateEstimate {
             position_m,
             velocity_mps: has_velocity.then_some(velocity_mps),
+            velocity_covariance_m2ps2,
             covariance_m2,
             best_position_m: [0, 1, 2].map(|axis| position(axis, best)),
             effective_sample_size: self.effective_sample_size(),
@@ -329,5 +341,12 @@ impl ParticleFilter {
             point_m,
             distance_m,
         )
+    }
+}
+
+/// Adds a variance to a covariance (xx, xy, xz, yy, yz, zz) on each axis along which the target can move.
+fn add_noise(motion: &Motion, variance: f64, covariance: &mut [f64; 6]) {
+    for diagonal in [0, 3, 5].into_iter().take(motion.free_axes()) {
+        covariance[diagonal] += variance;
     }
 }

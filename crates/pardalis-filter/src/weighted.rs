@@ -1,4 +1,4 @@
-//! Statistics of weighted positions: the weight near a point, the scatter, the heaviest and the likeliest particle.
+//! Statistics of weighted positions and velocities: the weight near a point, the scatter, the heaviest and the likeliest particle.
 
 /// Returns the share of the weight within `distance_m` of a point.
 pub(crate) fn weight_within(
@@ -18,16 +18,16 @@ pub(crate) fn weight_within(
         .min(1.0)
 }
 
-/// Adds the scatter of weighted positions around a mean to a covariance (xx, xy, xz, yy, yz, zz).
+/// Adds the scatter of weighted positions or velocities around their mean to their covariance (xx, xy, xz, yy, yz, zz).
 pub(crate) fn add_scatter(
-    positions: impl Iterator<Item = ([f64; 3], f64)>,
-    mean_m: [f64; 3],
-    covariance_m2: &mut [f64; 6],
+    vectors: impl Iterator<Item = ([f64; 3], f64)>,
+    mean: [f64; 3],
+    covariance: &mut [f64; 6],
 ) {
-    for (position_m, weight) in positions {
-        let [dx, dy, dz] = [0, 1, 2].map(|axis| position_m[axis] - mean_m[axis]);
+    for (vector, weight) in vectors {
+        let [dx, dy, dz] = [0, 1, 2].map(|axis| vector[axis] - mean[axis]);
         let products = [dx * dx, dx * dy, dx * dz, dy * dy, dy * dz, dz * dz];
-        for (sum, product) in covariance_m2.iter_mut().zip(products) {
+        for (sum, product) in covariance.iter_mut().zip(products) {
             *sum += weight * product;
         }
     }

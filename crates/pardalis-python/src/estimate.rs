@@ -7,8 +7,8 @@ use crate::arrays;
 
 /// What the tracker says of a target at one instant.
 ///
-/// `position_m` (3), `velocity_mps` (3) and `covariance_m2` (3 x 3, of the position) are in the world's frame, and `None` unless the state is
-/// "tracking" or "occluded".
+/// `position_m` (3), `velocity_mps` (3) and their covariances `covariance_m2` and `velocity_covariance_m2ps2` (3 x 3) are in the world's frame, and
+/// `None` unless the state is "tracking" or "occluded".
 #[pyclass(frozen, module = "pardalis")]
 #[derive(Debug, Clone)]
 pub(crate) struct Estimate {
@@ -62,9 +62,15 @@ impl Estimate {
     /// The covariance of the position, m².
     #[getter]
     fn covariance_m2<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
-        let [xx, xy, xz, yy, yz, zz] = self.known.kinematics?.covariance_m2;
-        let rows = vec![[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-        Some(arrays::array(py, rows))
+        let known = self.known.kinematics?;
+        Some(symmetric(py, known.covariance_m2))
+    }
+
+    /// The covariance of the velocity, m²/s².
+    #[getter]
+    fn velocity_covariance_m2ps2<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
+        let known = self.known.kinematics?;
+        Some(symmetric(py, known.velocity_covariance_m2ps2?))
     }
 
     /// Where a body that turns faces, radians counter-clockwise from x.
@@ -101,4 +107,9 @@ impl Estimate {
         let time_s = self.time_s;
         format!("<Estimate {time_s:.3} s: {state}{place}, confidence {confidence:.2}>")
     }
+}
+
+/// The matrix with the entries xx, xy, xz, yy, yz, zz.
+fn symmetric(py: Python<'_>, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Bound<'_, PyArray2<f64>> {
+    arrays::array(py, vec![[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 }

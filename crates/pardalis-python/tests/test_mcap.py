@@ -153,7 +153,7 @@ def test_raw_images_of_all_orders_of_channels_are_alike(kinds, tmp_path):
 
 
 def test_recorded_tracks_pass_the_reader_of_others(tracked):
-    counts, positions_m, covariances_m2, states, outlines = {}, [], [], [], []
+    counts, positions_m, covariances_m2, of_velocity_m2ps2, states, outlines = {}, [], [], [], [], []
     with open(tracked.folder / "tracks.mcap", "rb") as file:
         reader = make_reader(file, validate_crcs=True)
         for _, channel, _, decoded in decoded_messages(reader):
@@ -162,6 +162,7 @@ def test_recorded_tracks_pass_the_reader_of_others(tracked):
                 position = decoded.pose.position
                 positions_m.append([position.x, position.y, position.z])
                 covariances_m2.append(np.reshape(decoded.pose_covariance, (6, 6))[:3, :3])
+                of_velocity_m2ps2.append(np.reshape(decoded.velocity_covariance, (6, 6)))
                 assert decoded.frame_id == "world" and decoded.timestamp.seconds >= START_S
             elif channel.topic == "/ball/state":
                 states.append(decoded)
@@ -174,6 +175,8 @@ def test_recorded_tracks_pass_the_reader_of_others(tracked):
     assert counts["/cam1/calibration"] == FRAMES and counts["/tf"] == 2 * FRAMES
     np.testing.assert_array_equal(positions_m, tracked.positions_m("ball")[found])
     np.testing.assert_array_equal([c[0, 1] for c in covariances_m2], tracked.columns["xy_m2"][found])
+    np.testing.assert_allclose([c[1, 2] for c in of_velocity_m2ps2], tracked.columns["vyz_m2ps2"][found], rtol=1e-9)
+    assert not np.any([c[3:] for c in of_velocity_m2ps2])
     assert [state["state"] for state in states] == tracked.columns["state"].tolist()
     np.testing.assert_array_equal([state["confidence"] for state in states], tracked.columns["confidence"])
     # Outlines are around the ball, in Foxglove's coordinates.

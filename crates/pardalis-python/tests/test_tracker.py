@@ -48,11 +48,16 @@ def test_a_ball_is_found_and_tracked():
     np.testing.assert_allclose(last.velocity_mps[:2], [0.5, 0], atol=0.1)
     covariance = last.covariance_m2
     assert (covariance == covariance.T).all() and (np.linalg.eigvalsh(covariance) > 0).all()
+    of_velocity = last.velocity_covariance_m2ps2
+    assert (of_velocity == of_velocity.T).all() and (np.linalg.eigvalsh(of_velocity) > 0).all()
+    # Along the line of sight of a single camera, distances and their changes are the least certain.
+    assert of_velocity[2, 2] > of_velocity[0, 0]
     assert last.confidence > 0.9 and last.time_s == tracker.time_s == 19 / 25
     later = tracker.estimate("ball", 1.0)
     assert later.time_s == 1.0
     np.testing.assert_allclose(later.position_m[0], 0.08 + 0.24 * last.velocity_mps[0], atol=0.01)
     assert later.covariance_m2[0, 0] > covariance[0, 0]
+    assert later.velocity_covariance_m2ps2[0, 0] > of_velocity[0, 0]
 
 
 def test_the_same_seed_gives_the_same_numbers():
@@ -95,7 +100,7 @@ def test_a_hidden_ball_has_no_position_after_a_while():
         tracker.observe({"cam": empty}, number / 25)
     estimate = tracker.estimate("ball")
     assert estimate.state == "lost"
-    assert estimate.position_m is estimate.velocity_mps is estimate.covariance_m2 is None
+    assert estimate.position_m is estimate.velocity_mps is estimate.covariance_m2 is estimate.velocity_covariance_m2ps2 is None
 
 
 def test_a_crowd_has_members_with_numbers():

@@ -1,10 +1,12 @@
 //! What the node publishes.
 
 use anyhow::Result;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use pardalis::filter::estimate::StateEstimate;
 use pardalis::shape::Shape;
 use pardalis::tracker::TrackState;
 use pardalis::{Estimate, TargetId, Tracker};
+
 use pardalis_scene::TargetConfig;
 use ros2_client::{MessageTypeName, Name, Node, Publisher, QosProfile};
 use serde::Serialize;
@@ -150,12 +152,11 @@ impl Output {
                     pose,
                 };
                 count(own.pose.publish(stamped).is_ok());
-                let velocity_mps = estimate.kinematics.and_then(|known| known.velocity_mps);
                 let odometry = Odometry {
                     header: header.clone(),
                     child_frame_id: name.clone(),
                     pose,
-                    twist: twist(velocity_mps, estimate.heading_rad),
+                    twist: twist(estimate.kinematics.as_ref(), estimate.heading_rad),
                 };
                 count(own.odometry.publish(odometry).is_ok());
             }
@@ -270,15 +271,26 @@ fn found(
     })
 }
 
-/// The velocity in the target's own frame; its covariance is unknown.
-fn twist(velocity_mps: Option<[f64; 3]>, heading_rad: Option<f64>) -> TwistWithCovariance {
+/// The velocity in the target's own frame, with its covariance.
+fn twist(known: Option<&StateEstimate>, heading_rad: Option<f64>) -> TwistWithCovariance {
+    let velocity_mps = known.and_then(|known| known.velocity_mps);
     let velocity_mps = Vector3::from(velocity_mps.unwrap_or_default());
-    let own_mps: [f64; 3] = yaw(heading_rad)
-        .inverse_transform_vector(&velocity_mps)
-        .into();
+    let own_from_world = yaw(heading_rad).inverse().to_rotation_matrix();
+    let own_mps: [f64; 3] = (own_from_world * velocity_mps).into();
     let mut covariance = [[0.0; 6]; 6];
     for (axis, row) in covariance.iter_mut().enumerate() {
         row[axis] = UNKNOWN;
+    }
+    let stated = known.and_then(|known| known.velocity_covariance_m2ps2);
+    if let Some([xx, xy, xz, yy, yz, zz]) = stated {
+        let turn = own_from_world.matrix();
+        let in_world = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let own = turn * in_world * turn.transpose();
+        for (row, values) in covariance.iter_mut().take(3).enumerate() {
+            for (column, value) in values.iter_mut().take(3).enumerate() {
+                *value = own[(row, column)];
+            }
+        }
     }
     TwistWithCovariance {
         twist: Twist {

@@ -62,6 +62,16 @@ pub(super) fn read_existence(
             "Standard deviation of the change of velocity in a jump, on each axis.",
             default.velocity_jump_sigma_mps,
         );
+        settings.calming_rate_hz = rate(
+            "calming_rate_hz",
+            "Rate at which a target that moves as its motion model says becomes calm, so that its velocity hardly changes; 0 if it never does. For targets that mostly roll, drive or rest: 0.5.",
+            default.calming_rate_hz,
+        );
+        settings.rousing_rate_hz = rate(
+            "rousing_rate_hz",
+            "Rate at which a calm target begins to move as its motion model says.",
+            default.rousing_rate_hz,
+        );
         settings.occlusion.occlusion_hz = rate(
             "occlusion_rate_hz",
             "Rate at which a visible target becomes occluded in a camera.",

@@ -25,12 +25,9 @@ pub struct TrackStart {
     pub target: String,
     /// Pose of the track's world in this one.
     pub world_from_other: Pose,
-    /// Standard deviation of the velocity on each axis in m/s, which tracks do not state.
-    pub velocity_sigma_mps: f64,
+    /// Standard deviation of the velocity on each axis in m/s; `None` for what the track says.
+    pub velocity_sigma_mps: Option<f64>,
 }
-
-/// The default standard deviation of a track's velocity, in m/s.
-const TRACK_VELOCITY_SIGMA_MPS: f64 = GaussianStart::VELOCITY_SIGMA_MPS[0];
 
 const KINDS: [Kind; 3] = [
     ("gaussian", "Around a rough position."),
@@ -219,12 +216,10 @@ fn read_track(table: &Table, name: &str) -> Option<Located<StartConfig>> {
             .ok(),
     };
     let velocity_sigma_mps = table
-        .key(
-            "velocity_sigma_mps",
-            "Standard deviation of the velocity, which tracks do not state.",
-        )
+        .key("velocity_sigma_mps", "Standard deviation of the velocity.")
         .within(0.0..=MAX_START)
-        .or(TRACK_VELOCITY_SIGMA_MPS);
+        .depends("that of the track; 0.5 if it has none")
+        .optional();
     let start = TrackStart {
         file: file?,
         target,

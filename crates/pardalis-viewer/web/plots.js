@@ -18,7 +18,7 @@ const PAUSE_MS = 150;
 function kinds(units) {
   const axis = (letter, number) => [
     { title: letter, column: `${letter}_m`, unit: units, variance: `${letter}${letter}_m2`, color: number, span: units === "px" ? 4 : 0.02, decimals: lengthDecimals(units) },
-    { title: `v${letter}`, column: `v${letter}_mps`, unit: `${units}/s`, optional: true, color: number, span: units === "px" ? 4 : 0.1, decimals: 2 },
+    { title: `v${letter}`, column: `v${letter}_mps`, unit: `${units}/s`, variance: `v${letter}${letter}_m2ps2`, optional: true, color: number, span: units === "px" ? 4 : 0.1, decimals: 2 },
   ];
   return [
     ..."xyz".split("").flatMap(axis),

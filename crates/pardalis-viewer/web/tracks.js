@@ -14,6 +14,7 @@ export const MEANINGS = {
 const NUMBERS = [
   "time_s", "frame", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps", "heading_rad",
   "xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2", "confidence", "radius_m", "sigma_radius_m", "sigma_heading_rad",
+  "vxx_m2ps2", "vxy_m2ps2", "vxz_m2ps2", "vyy_m2ps2", "vyz_m2ps2", "vzz_m2ps2",
 ];
 
 /** One target: columns by name, of which the first `length` entries count; missing numbers are NaN. */

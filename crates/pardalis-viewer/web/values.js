@@ -10,7 +10,7 @@ export class Values {
     this.select = select;
     this.facts = element("dl", { class: "pv-facts", "aria-label": "Values at the present time" });
     this.axes = element("tbody");
-    const columns = ["", "position", "± 2σ", "velocity"].map((text) => element("th", { scope: "col" }, text));
+    const columns = ["", "position", "± 2σ", "velocity", "± 2σ"].map((text) => element("th", { scope: "col" }, text));
     this.vectors = element("table", { class: "pv-vectors" }, element("thead", {}, element("tr", {}, ...columns)), this.axes);
     this.body = element("tbody");
     const heads = ["target", "x", "y", "z", "speed"].map((text) => element("th", { scope: "col" }, text));
@@ -36,7 +36,9 @@ export class Values {
     if (track) facts.push(["state", dot, state === null ? "not there" : STATES[state]]);
     facts.push(["confidence", "", number(at("confidence"), 3)]);
     if (other) facts.push(["runs apart", "", shortLength(apart(track, other, time_s), units)]);
-    facts.push(["speed", "", unit(number(Math.hypot(at("vx_mps"), at("vy_mps"), at("vz_mps")), 2), `${units}/s`)]);
+    const speed = Math.hypot(at("vx_mps"), at("vy_mps"), at("vz_mps"));
+    const speedSigma = speedDeviation(at, speed);
+    facts.push(["speed", Number.isFinite(speedSigma) ? `± ${number(2 * speedSigma, 2)}` : "", unit(number(speed, 2), `${units}/s`)]);
     if (Number.isFinite(at("heading_rad"))) {
       const degrees = (radians) => number((radians * 180) / Math.PI, 1) + "°";
       const sigma = at("sigma_heading_rad");
@@ -49,7 +51,8 @@ export class Values {
       element("th", { scope: "row" }, axis),
       element("td", {}, length(at(`${axis}_m`), units)),
       element("td", { class: "pv-more" }, Number.isFinite(at(`${axis}_m`)) ? twoSigma(at(`${axis}${axis}_m2`), units) : ""),
-      element("td", {}, unit(number(at(`v${axis}_mps`), 2), `${units}/s`))));
+      element("td", {}, unit(number(at(`v${axis}_mps`), 2), `${units}/s`)),
+      element("td", { class: "pv-more" }, twoSigmaOf(at(`v${axis}${axis}_m2ps2`)))));
     this.axes.replaceChildren(...axes);
   }
 
@@ -92,6 +95,18 @@ function apart(track, other, time_s) {
     return row < 0 ? null : one.position(row);
   });
   return here && there ? Math.hypot(...here.map((component, axis) => component - there[axis])) : NaN;
+}
+
+/** Twice the standard deviation of a velocity with this variance; nothing if there is none. */
+function twoSigmaOf(variance) {
+  return variance >= 0 ? number(2 * Math.sqrt(variance), 2) : "";
+}
+
+/** The standard deviation of the speed: that of the velocity along itself. NaN where it is not known, as of a target at rest. */
+function speedDeviation(at, speed) {
+  const [x, y, z] = ["vx_mps", "vy_mps", "vz_mps"].map((column) => at(column) / speed);
+  const [xx, xy, xz, yy, yz, zz] = ["xx", "xy", "xz", "yy", "yz", "zz"].map((entry) => at(`v${entry}_m2ps2`));
+  return Math.sqrt(xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z));
 }
 
 /** A number with its unit, unless there is none. */

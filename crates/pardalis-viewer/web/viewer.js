@@ -45,8 +45,8 @@
  * whose origin is the position in tracks.csv: the centre of a ball, the centre of the base of a cylinder, prism or box, the ground below a disc or rectangle.
  *
  * `tracks` and `rows` map names of targets to columns of the same length, named as in tracks.csv: `time_s`, `frame`, `state` ("searching", "tracking", "occluded",
- * "lost"), `x_m` ... `z_m`, `vx_mps` ... `vz_mps`, `heading_rad`, `xx_m2` ... `zz_m2`, `confidence`, `radius_m`, `sigma_radius_m`, `sigma_heading_rad`. Entries are numbers
- * or null; all columns but `time_s` may be missing.
+ * "lost"), `x_m` ... `z_m`, `vx_mps` ... `vz_mps`, `heading_rad`, `xx_m2` ... `zz_m2`, `confidence`, `radius_m`, `sigma_radius_m`, `sigma_heading_rad`,
+ * `vxx_m2ps2` ... `vzz_m2ps2`. Entries are numbers or null; all columns but `time_s` may be missing.
  *
  * `poses` map names of cameras to poses, each as in `path`, later than those before.
  *

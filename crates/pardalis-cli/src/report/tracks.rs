@@ -21,7 +21,7 @@ enum Digits {
     Four,
 }
 
-const COLUMNS: [(&str, Digits); 19] = [
+const COLUMNS: [(&str, Digits); 25] = [
     ("time_s", Digits::All),
     ("frame", Digits::All),
     ("x_m", Digits::Millionths),
@@ -41,6 +41,12 @@ const COLUMNS: [(&str, Digits); 19] = [
     ("radius_m", Digits::Millionths),
     ("sigma_radius_m", Digits::Millionths),
     ("sigma_heading_rad", Digits::Millionths),
+    ("vxx_m2ps2", Digits::Four),
+    ("vxy_m2ps2", Digits::Four),
+    ("vxz_m2ps2", Digits::Four),
+    ("vyy_m2ps2", Digits::Four),
+    ("vyz_m2ps2", Digits::Four),
+    ("vzz_m2ps2", Digits::Four),
 ];
 
 impl Digits {

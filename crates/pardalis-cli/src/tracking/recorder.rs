@@ -356,18 +356,15 @@ impl Time {
     }
 }
 
-/// The pose of a target that faces in a direction, its velocity in its own frame, and how certain the position is.
+/// The pose of a target that faces in a direction, its velocity in its own frame, and how certain position and velocity are.
 fn odometry(name: &str, time: Time, known: &StateEstimate, heading_rad: Option<f64>) -> Odometry {
     let yaw = yaw(heading_rad);
     let velocity_mps = known.velocity_mps.map(nalgebra::Vector3::from);
-    let [xx, xy, xz, yy, yz, zz] = known.covariance_m2;
-    let mut covariance = vec![0.0; 36];
-    for (row, values) in [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-        .iter()
-        .enumerate()
-    {
-        covariance[6 * row..6 * row + 3].copy_from_slice(values);
-    }
+    let own_from_world = yaw.inverse().to_rotation_matrix();
+    let velocity_covariance_m2ps2 = known.velocity_covariance_m2ps2.map(|entries| {
+        let turn = own_from_world.matrix();
+        turn * symmetric(entries) * turn.transpose()
+    });
     Odometry {
         timestamp: Some(time.stamp),
         frame_id: WORLD.to_owned(),
@@ -377,10 +374,26 @@ fn odometry(name: &str, time: Time, known: &StateEstimate, heading_rad: Option<f
             orientation: Some(quaternion(&yaw)),
         }),
         linear_velocity: velocity_mps.map(|v| vector(yaw.inverse_transform_vector(&v).into())),
-        pose_covariance: covariance,
-        velocity_covariance: vec![0.0; 36],
+        pose_covariance: upper_left(&symmetric(known.covariance_m2)),
+        velocity_covariance: upper_left(&velocity_covariance_m2ps2.unwrap_or_default()),
         ..Odometry::default()
     }
+}
+
+/// The covariance with the entries xx, xy, xz, yy, yz, zz.
+fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+/// The 36 numbers of a covariance of which that of rotations is unknown: row by row, with zeros for it.
+fn upper_left(covariance: &Matrix3<f64>) -> Vec<f64> {
+    let mut numbers = vec![0.0; 36];
+    for row in 0..3 {
+        for column in 0..3 {
+            numbers[6 * row + column] = covariance[(row, column)];
+        }
+    }
+    numbers
 }
 
 /// A target in space: its ball, the ellipsoid of its position's error, its trail and its name.
@@ -411,8 +424,7 @@ fn entity(
             color: Some(color_of(key, if is_seen { 1.0 } else { 0.4 })),
         });
     }
-    let [xx, xy, xz, yy, yz, zz] = known.covariance_m2;
-    let axes = SymmetricEigen::new(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz));
+    let axes = SymmetricEigen::new(symmetric(known.covariance_m2));
     let mut rotation = axes.eigenvectors;
     if rotation.determinant() < 0.0 {
         rotation.set_column(0, &-rotation.column(0));

@@ -15,7 +15,8 @@ use crate::user_error::user_error;
 /// The header line. Later versions may append columns.
 pub(super) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
                       xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,best_x_m,best_y_m,best_z_m,\
-                      radius_m,sigma_radius_m,sigma_heading_rad\n";
+                      radius_m,sigma_radius_m,sigma_heading_rad,\
+                      vxx_m2ps2,vxy_m2ps2,vxz_m2ps2,vyy_m2ps2,vyz_m2ps2,vzz_m2ps2\n";
 
 /// Writes rows to a file or to standard output.
 pub(crate) struct Rows {
@@ -78,6 +79,7 @@ pub(super) fn write_row(
     let position_m = kinematics.map(|k| k.position_m);
     let velocity_mps = kinematics.and_then(|k| k.velocity_mps);
     let covariance_m2 = kinematics.map(|k| k.covariance_m2);
+    let velocity_covariance_m2ps2 = kinematics.and_then(|k| k.velocity_covariance_m2ps2);
     let fields = (0..3)
         .map(|axis| position_m.map(|p| p[axis]))
         .chain((0..3).map(|axis| velocity_mps.map(|v| v[axis])))
@@ -92,7 +94,8 @@ pub(super) fn write_row(
             estimate.radius.map(|radius| radius.radius_m),
             estimate.radius.map(|radius| radius.sigma_m),
             estimate.heading_sigma_rad,
-        ]);
+        ])
+        .chain((0..6).map(|entry| velocity_covariance_m2ps2.map(|c| c[entry])));
     for field in fields {
         text.push(',');
         if let Some(value) = field {

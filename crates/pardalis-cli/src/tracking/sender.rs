@@ -212,6 +212,7 @@ pub(super) fn open_line(instant: &Instant, targets: &[TargetConfig]) -> String {
             "position_m": known.map(|known| known.position_m),
             "velocity_mps": known.and_then(|known| known.velocity_mps),
             "covariance_m2": known.map(|known| known.covariance_m2),
+            "velocity_covariance_m2ps2": known.and_then(|known| known.velocity_covariance_m2ps2),
             "heading_rad": estimate.heading_rad,
         })
     };

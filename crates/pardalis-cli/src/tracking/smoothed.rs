@@ -98,6 +98,7 @@ impl SmoothedTracks {
                 *known = StateEstimate {
                     position_m: state.position_m,
                     velocity_mps: Some(state.velocity_mps),
+                    velocity_covariance_m2ps2: Some(state.velocity_covariance_m2ps2),
                     covariance_m2,
                     best_position_m: state.position_m,
                     ..*known

@@ -19,12 +19,12 @@ pub(crate) struct Tracked {
 
 impl Tracked {
     /// Returns a target of this number.
-    pub(crate) fn target(target: usize, estimate: Estimate) -> Self {
+    pub(crate) fn target(target: usize, estimate: &Estimate) -> Self {
         Self {
             target,
             member: None,
             place: 0,
-            estimate,
+            estimate: *estimate,
         }
     }
 
@@ -53,7 +53,7 @@ impl Tracked {
                 all.extend(members.map(|member| Self::member(number, &member)));
                 all[first..].sort_by_key(|tracked| tracked.member);
             } else {
-                all.push(Self::target(number, tracker.estimate_at(id, time_s)?));
+                all.push(Self::target(number, &tracker.estimate_at(id, time_s)?));
             }
         }
         Ok(all)

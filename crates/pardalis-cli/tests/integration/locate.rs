@@ -397,6 +397,30 @@ fn tracks_continue_from_another_track() {
     assert!(error_m(&again[0], at_m(&rows[0])) < 0.15);
     place.track(from_track(5, "target = \"theirs\"")).fine();
     assert!(error_m(&place.rows()[0], at_m(&rows[0])) > 0.5);
+    // The velocity is as certain as the track says, unless the scene says otherwise.
+    let started = |stated: f64, more: &str| {
+        let rows = rows_in(&text).into_iter().map(|mut row| {
+            for at in [25, 28, 30] {
+                row[at] = stated.to_string();
+            }
+            for at in [26, 27, 29] {
+                row[at] = "0".to_owned();
+            }
+            row.join(",")
+        });
+        let rows: Vec<String> = rows.collect();
+        let header = crate::common::run::HEADER;
+        place.write(
+            "other/tracks.csv",
+            format!("{header}\n{}\n", rows.join("\n")),
+        );
+        let more = format!("target = \"theirs\"\n{more}");
+        place.track(from_track(5, &more)).fine();
+        place.rows()[0].clone()
+    };
+    let certain = started(0.0001, "");
+    assert_ne!(started(25.0, ""), certain);
+    assert_eq!(started(25.0, "velocity_sigma_mps = 0.01"), certain);
 }
 
 #[test]
@@ -405,7 +429,7 @@ fn unusable_tracks_are_rejected_as_starts() {
     fs::create_dir(place.path("other")).unwrap();
     let row = |time_s: &str, rest: &str| {
         format!(
-            "{}\n0,{time_s},ball,{rest},,,,,,\n",
+            "{}\n0,{time_s},ball,{rest},,,,,,,,,,,,\n",
             crate::common::run::HEADER
         )
     };

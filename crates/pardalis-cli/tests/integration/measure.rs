@@ -23,7 +23,7 @@ seeds = 2
 
 const FIGURES: &str = "coverage,on_target_share,lost_frames,ends_on_target,frames_to_find,frames_to_occluded,frames_to_tracking,elsewhere_frames,overconfident_frames,mean_m,sd_m,rmse_m,max_m,best_rmse_m,distance_mean_m,distance_sd_m,\
     elevation_mean_rad,elevation_sd_rad,azimuth_mean_rad,azimuth_sd_rad,direction_max_rad,mean_nees,nees_99_low,nees_99_high,\
-    planar_mean_m,planar_sd_m,planar_rmse_m,bias_x_m,bias_y_m,bias_z_m,velocity_rmse_mps,course_error_median_rad,course_rad,\
+    planar_mean_m,planar_sd_m,planar_rmse_m,bias_x_m,bias_y_m,bias_z_m,velocity_rmse_mps,velocity_nees,course_error_median_rad,course_rad,\
     true_course_rad,heading_error_median_rad,heading_error_p95_rad,heading_bias_rad,changed_target,calibration_error,confidence_max,gospa_m,switches,\
     longest_missed_frames,longest_false_frames,estimates,ms_a_frame";
 

@@ -40,6 +40,14 @@ pub(crate) fn assert_is_row(message: &Value, rows: &[Vec<String>]) {
         // This reader of JSON may round otherwise in the last bit.
         assert!((sent_m - position_m).abs() < 1e-12, "{message} {row:?}");
     }
+    for (entry, cell) in row[25..31].iter().enumerate() {
+        let variance_m2ps2: f64 = cell.parse().unwrap();
+        let sent_m2ps2 = target["velocity_covariance_m2ps2"][entry].as_f64().unwrap();
+        assert!(
+            (sent_m2ps2 - variance_m2ps2).abs() < 1e-12,
+            "{message} {row:?}"
+        );
+    }
 }
 
 #[test]

@@ -55,6 +55,8 @@ fn rows_are_as_documented() {
         assert!(velocity_mps.iter().all(|v| v.abs() < 20.0));
         let [xx, xy, _, yy, _, zz] = numbers::<6>(row, 11);
         assert!(xx > 0.0 && yy > 0.0 && zz > 0.0 && xy * xy <= xx * yy);
+        let [xx, xy, _, yy, _, zz] = numbers::<6>(row, 25);
+        assert!(xx > 0.0 && yy > 0.0 && zz > 0.0 && xy * xy <= xx * yy);
         let [ess, confidence] = numbers(row, 17);
         assert!((1.0..=1000.0).contains(&ess), "{ess}");
         assert!((0.0..=1.0 + 1e-9).contains(&confidence), "{confidence}");

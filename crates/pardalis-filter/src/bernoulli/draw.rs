@@ -1,21 +1,11 @@
 //! Drawing and weighting of new particles from predictions and measurement components.
 
-use super::kinematics::Kinematics;
 use super::proposal::{Prediction, log_add};
-use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, ProposalTuning, write};
+use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
 use crate::resample;
 use pardalis_core::rng::Stage;
 
 impl BernoulliFilter {
-    /// Returns the probability of a velocity jump since the last update, and the kinematics of a step with one.
-    pub(super) fn velocity_jump(&self, dt_s: f64) -> Option<(f64, Kinematics)> {
-        let chance = -libm::expm1(-self.settings.velocity_jump_rate_hz * dt_s);
-        let jumped = self
-            .kinematics
-            .jumped(self.settings.velocity_jump_sigma_mps, dt_s)?;
-        (chance > 0.0).then_some((chance, jumped))
-    }
-
     /// Draws as many new particles as there is room for. Their log-weights are the logarithm of prior density, including existence, over proposal
     /// density.
     pub(super) fn draw_new(&mut self, prior: &Prior) {
@@ -23,11 +13,7 @@ impl BernoulliFilter {
         let dt_s = self.pending_s;
         let free_axes = self.settings.motion.free_axes();
         let (old_count, count) = (self.weights.len(), self.new_hypotheses.len());
-        let ProposalTuning {
-            resample_below,
-            jump_one_in,
-            ..
-        } = self.settings.proposal;
+        let resample_below = self.settings.proposal.resample_below;
         let is_depleted =
             count != old_count || self.effective_sample_size() <= resample_below * old_count as f64;
         if is_depleted {
@@ -41,11 +27,7 @@ impl BernoulliFilter {
             libm::log(prior.elsewhere) + libm::log(self.settings.birth_density)
         };
         let height_m = self.proposal.height_m();
-        let velocity_jump = self.velocity_jump(dt_s).map(|(chance, jumped)| {
-            let share = 1.0 / jump_one_in as f64;
-            let log_kept = libm::log((1.0 - chance) / (1.0 - share));
-            (jumped, [libm::log(chance / share), log_kept])
-        });
+        let ways = self.ways(dt_s);
         let log_even_weight = -libm::log(count as f64);
         let offset = draws.uniform(count as u32, observation, Stage::Proposal);
         for i in 0..count {
@@ -55,13 +37,8 @@ impl BernoulliFilter {
                 (i, libm::log(self.weights[i]))
             };
             let before = &self.hypotheses[ancestor];
-            // One particle in a few has a velocity jump, even if jumps are rare; its weight corrects for this.
-            let (kinematics, log_probability) = match velocity_jump {
-                None => (self.kinematics, 0.0),
-                Some((jumped, [log_jumped, _])) if i % jump_one_in == 0 => (jumped, log_jumped),
-                Some((_, [_, log_kept])) => (self.kinematics, log_kept),
-            };
-            let step = kinematics.step(before.velocity_variance_m2ps2, dt_s);
+            let way = ways[usize::from(before.is_calm)].of_particle(i);
+            let step = way.kinematics.step(before.velocity_variance_m2ps2, dt_s);
             let mut prediction = Prediction {
                 mean_m: before.ahead(dt_s),
                 variance_m2: step.variance_m2,
@@ -78,7 +55,7 @@ impl BernoulliFilter {
             let log_continued = log_located + prediction.log_density(position_m, free_axes);
             let log_prior = log_add(log_continued, log_elsewhere);
             self.new_particles.log_weights[i] =
-                log_weight + log_probability + log_prior - log_proposal;
+                log_weight + way.log_correction() + log_prior - log_proposal;
 
             let chance = libm::exp(log_elsewhere - log_prior);
             let was_elsewhere = draws.uniform(particle, observation, Stage::Proposal) < chance;
@@ -94,6 +71,7 @@ impl BernoulliFilter {
                     position_m,
                     velocity_mps,
                     velocity_variance_m2ps2: step.velocity_variance_m2ps2,
+                    is_calm: way.is_calm,
                 }
             };
         }

@@ -61,6 +61,28 @@ impl Kinematics {
         matches!(self, Self::Velocity { .. })
     }
 
+    /// Returns the variance that grows per second.
+    pub(super) fn noise(self) -> f64 {
+        match self {
+            Self::Walk { diffusion_m2ps } => diffusion_m2ps,
+            Self::Velocity {
+                acceleration_density_m2ps3,
+            } => acceleration_density_m2ps3,
+        }
+    }
+
+    /// Returns the same kinematics with another noise.
+    pub(super) fn with_noise(self, noise: f64) -> Self {
+        match self {
+            Self::Walk { .. } => Self::Walk {
+                diffusion_m2ps: noise,
+            },
+            Self::Velocity { .. } => Self::Velocity {
+                acceleration_density_m2ps3: noise,
+            },
+        }
+    }
+
     /// Returns the kinematics of a step of `dt_s` seconds with a velocity jump of this standard deviation at a random
     /// time; `None` without a velocity or if no time passes.
     pub(super) fn jumped(self, velocity_jump_sigma_mps: f64, dt_s: f64) -> Option<Self> {
@@ -84,6 +106,16 @@ impl Kinematics {
             Self::Velocity {
                 acceleration_density_m2ps3: q,
             } => velocity_variance_m2ps2 * dt_s * dt_s + q * forward_s.powi(3) / 3.0,
+        }
+    }
+
+    /// Returns the variance of the velocity, m²/s², `dt_s` seconds after it had this variance. Steps back in time add no noise.
+    pub(super) fn velocity_variance_m2ps2(self, velocity_variance_m2ps2: f64, dt_s: f64) -> f64 {
+        match self {
+            Self::Walk { .. } => 0.0,
+            Self::Velocity {
+                acceleration_density_m2ps3: q,
+            } => velocity_variance_m2ps2 + q * dt_s.max(0.0),
         }
     }
 

@@ -6,7 +6,6 @@
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 
-use super::kinematics::Kinematics;
 use super::{BernoulliFilter, Hypothesis, write};
 use crate::gaussian::GaussianStart;
 use crate::measurement::Measurement;
@@ -151,14 +150,6 @@ impl BernoulliFilter {
         Measured::Used
     }
 
-    /// The kinematics of a step to the predicted time, each with its probability: with a velocity jump and without.
-    fn ways(&self) -> [(f64, Kinematics); 2] {
-        match self.velocity_jump(self.pending_s) {
-            None => [(1.0, self.kinematics), (0.0, self.kinematics)],
-            Some((chance, jumped)) => [(1.0 - chance, self.kinematics), (chance, jumped)],
-        }
-    }
-
     /// The moments of the prediction. An axis along which the target does not move has the variance 1 and no covariance.
     fn moments(&self, free: &Matrix3<f64>) -> Moments {
         let dt_s = self.pending_s;
@@ -171,17 +162,18 @@ impl BernoulliFilter {
         let mean: Vector6<f64> = particles().map(|(h, &weight)| weight * state(h)).sum();
         let mut covariance = Matrix6::zeros();
         let [mut place_m2, mut both, mut velocity_m2ps2] = [0.0; 3];
+        let (jump, kinematics) = self.mean_kinematics(dt_s);
+        let jump = jump.chance * (jump.kinematics.noise() - self.kinematics.noise());
+        let kinematics = kinematics.map(|own| own.with_noise(own.noise() + jump));
         for (hypothesis, &weight) in particles() {
             let off = state(hypothesis) - mean;
             covariance += weight * off * off.transpose();
-            for (chance, kinematics) in self.ways() {
-                let step = kinematics.step(hypothesis.velocity_variance_m2ps2, dt_s);
-                let own_m2 = weight * chance * step.variance_m2;
-                place_m2 += own_m2;
-                both += step.gain_hz * own_m2;
-                velocity_m2ps2 +=
-                    step.gain_hz.powi(2) * own_m2 + weight * chance * step.velocity_variance_m2ps2;
-            }
+            let kinematics = kinematics[usize::from(hypothesis.is_calm)];
+            let step = kinematics.step(hypothesis.velocity_variance_m2ps2, dt_s);
+            let own_m2 = weight * step.variance_m2;
+            place_m2 += own_m2;
+            both += step.gain_hz * own_m2;
+            velocity_m2ps2 += step.gain_hz.powi(2) * own_m2 + weight * step.velocity_variance_m2ps2;
         }
         let held = Matrix3::identity() - free;
         for (at, variance) in [
@@ -252,24 +244,16 @@ impl BernoulliFilter {
             let uniform = |_| draws.uniform(0, observation, Stage::Resampling);
             resample::systematic(&self.weights, uniform, &mut self.ancestors);
         }
-        let [(steady, kept), (chance, jumped)] = self.ways();
-        let share = 1.0 / tuning.jump_one_in as f64;
+        let ways = self.ways(dt_s);
         for i in 0..count {
             let (ancestor, log_weight) = if is_depleted {
                 (self.ancestors[i] as usize, -libm::log(count as f64))
             } else {
                 (i, libm::log(self.weights[i]))
             };
-            // As for images, one particle in a few has a velocity jump, and its weight corrects for this.
-            let (kinematics, log_probability) = if chance == 0.0 {
-                (kept, 0.0)
-            } else if i % tuning.jump_one_in == 0 {
-                (jumped, libm::log(chance / share))
-            } else {
-                (kept, libm::log(steady / (1.0 - share)))
-            };
             let before = &self.hypotheses[ancestor];
-            let step = kinematics.step(before.velocity_variance_m2ps2, dt_s);
+            let way = ways[usize::from(before.is_calm)].of_particle(i);
+            let step = way.kinematics.step(before.velocity_variance_m2ps2, dt_s);
             let normals = draws.normals(i as u32, observation, Stage::Motion, 0);
             let mut position_m = before.ahead(dt_s);
             let mut velocity_mps = before.velocity_mps;
@@ -282,8 +266,9 @@ impl BernoulliFilter {
                 position_m,
                 velocity_mps,
                 velocity_variance_m2ps2: step.velocity_variance_m2ps2,
+                is_calm: way.is_calm,
             };
-            self.new_particles.log_weights[i] = log_weight + log_probability;
+            self.new_particles.log_weights[i] = log_weight + way.log_correction();
         }
     }
 
@@ -343,6 +328,7 @@ impl BernoulliFilter {
                 }),
                 velocity_mps: (free * velocity).into(),
                 velocity_variance_m2ps2: kept * hypothesis.velocity_variance_m2ps2,
+                is_calm: hypothesis.is_calm,
             };
         }
         write(&self.new_hypotheses, &mut self.new_particles);

@@ -39,23 +39,18 @@ impl BernoulliFilter {
             }
             libm::exp(-0.5 * squares) / volume.sqrt()
         };
-        let velocity_jump = self.velocity_jump(self.pending_s);
+        let ways = self.ways(self.pending_s);
         let hypotheses = self.hypotheses.iter().zip(&self.weights);
         let terms = hypotheses.map(|(hypothesis, weight)| {
             let ahead = Vector3::from(hypothesis.ahead(self.pending_s));
             let off = eigenvectors.tr_mul(&(Vector3::from(position_m) - ahead));
-            let given = |kinematics: super::Kinematics| {
-                let velocity_variance = hypothesis.velocity_variance_m2ps2;
-                density(
-                    &off,
-                    kinematics
-                        .step(velocity_variance, self.pending_s)
-                        .variance_m2,
-                )
-            };
-            let (chance, jumped) =
-                velocity_jump.map_or((0.0, 0.0), |(chance, k)| (chance, given(k)));
-            weight * ((1.0 - chance) * given(self.kinematics) + chance * jumped)
+            let possible = ways[usize::from(hypothesis.is_calm)].possible();
+            let given = possible.map(|way| {
+                let variance = hypothesis.velocity_variance_m2ps2;
+                let step = way.kinematics.step(variance, self.pending_s);
+                way.chance * density(&off, step.variance_m2)
+            });
+            weight * given.sum::<f64>()
         });
         terms.sum()
     }
@@ -64,7 +59,8 @@ impl BernoulliFilter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bernoulli::{BernoulliSettings, ParticleRange};
+    use crate::bernoulli::kinematics::Kinematics;
+    use crate::bernoulli::{BernoulliSettings, CalmMotion, ParticleRange};
     use crate::gaussian::{GaussianStart, diagonal_m2};
     use crate::motion::Motion;
     use pardalis_core::rng::Draws;
@@ -88,8 +84,16 @@ mod tests {
 
     #[test]
     fn the_density_is_the_oracles() {
+        let calm = CalmMotion {
+            noise_share: 0.1,
+            calming_rate_hz: 2.0,
+            rousing_rate_hz: 1.0,
+        };
         let settings = BernoulliSettings {
             particles: ParticleRange::fixed(50),
+            velocity_jump_rate_hz: 1.0,
+            velocity_jump_sigma_mps: 3.0,
+            calm: Some(calm),
             ..BernoulliSettings::of(Motion::DEFAULT)
         };
         let mut filter = BernoulliFilter::new(settings, Draws::new(3, 0)).unwrap();
@@ -100,16 +104,51 @@ mod tests {
             ..GaussianStart::default()
         };
         filter.start(&start, 1.0).unwrap();
-        filter.predict(0.2);
+        for (i, hypothesis) in filter.hypotheses.iter_mut().enumerate() {
+            hypothesis.is_calm = i % 3 == 0;
+        }
+        let time_s: f64 = 0.2;
+        filter.predict(time_s);
+        let Kinematics::Velocity {
+            acceleration_density_m2ps3: density,
+        } = filter.kinematics
+        else {
+            unreachable!("the default motion has a velocity");
+        };
+        // The share that has turned by then, of a Markov chain of two states.
+        let turned = 1.0 - (-3.0 * time_s).exp();
+        let jumped = 1.0 - (-time_s).exp();
         let of_particle = |(hypothesis, weight): (&super::super::Hypothesis, &f64)| {
-            let step = filter
-                .kinematics
-                .step(hypothesis.velocity_variance_m2ps2, 0.2);
-            let mean_m = Vector3::from(hypothesis.ahead(0.2));
-            (*weight, mean_m, step.variance_m2)
+            let becomes_calm = 2.0 / 3.0 * turned;
+            let calm = if hypothesis.is_calm {
+                1.0 - 1.0 / 3.0 * turned
+            } else {
+                becomes_calm
+            };
+            let own_m2 = hypothesis.velocity_variance_m2ps2 * time_s.powi(2) + 1e-10;
+            let mean_m = Vector3::from(hypothesis.ahead(time_s));
+            let way = |chance: f64, change_m2ps2: f64| {
+                let variance_m2 = own_m2 + change_m2ps2 * time_s.powi(2) / 3.0;
+                (chance * *weight, mean_m, variance_m2)
+            };
+            [
+                way((1.0 - jumped) * (1.0 - calm), density * time_s),
+                way((1.0 - jumped) * calm, 0.1 * density * time_s),
+                way(jumped, density * time_s + 9.0),
+            ]
         };
         let particles = filter.hypotheses.iter().zip(&filter.weights);
-        let mixture: Vec<_> = particles.map(of_particle).collect();
+        let mixture: Vec<_> = particles.flat_map(of_particle).collect();
+        let estimate = filter.estimate(0.0).unwrap();
+        let total: f64 = mixture.iter().map(|(weight, ..)| weight).sum();
+        assert!((total - 1.0).abs() < 1e-12, "{total}");
+        let mean_m: Vector3<f64> = mixture.iter().map(|(weight, mean, _)| *weight * mean).sum();
+        let variance_m2: f64 = mixture
+            .iter()
+            .map(|(weight, mean, variance)| weight * (variance + (mean - mean_m).x.powi(2)))
+            .sum();
+        let off = estimate.covariance_m2[0] / variance_m2 - 1.0;
+        assert!(off.abs() < 1e-6, "{off}");
         let covariance_m2 = Matrix3::new(0.04, 0.01, 0.0, 0.01, 0.02, -0.005, 0.0, -0.005, 0.09);
         for position_m in [[0.2, 0.0, -0.2], [0.5, 0.3, 0.1], [-1.0, 1.0, 0.0]] {
             let found = filter.predicted_density(position_m, &covariance_m2);

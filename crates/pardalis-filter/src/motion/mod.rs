@@ -125,15 +125,28 @@ impl Motion {
     /// on each axis along which the target can move. Jumps do not count: they only serve the search
     /// and do not describe the target's motion.
     pub fn position_variance_m2(&self, dt_s: f64) -> f64 {
+        self.noise_variances(dt_s)[0]
+    }
+
+    /// Returns the same of the velocity, in m²/s²; 0 if the model has none.
+    pub fn velocity_variance_m2ps2(&self, dt_s: f64) -> f64 {
+        self.noise_variances(dt_s)[1]
+    }
+
+    /// Returns the variances that the process noise adds to position and velocity.
+    fn noise_variances(&self, dt_s: f64) -> [f64; 2] {
         if dt_s <= 0.0 {
-            return 0.0;
+            return [0.0; 2];
         }
-        let sigma_m = match &self.model {
-            Model::RandomWalk(model) => model.noise_factor(dt_s)[0][0],
-            Model::ConstantVelocity(model) => model.noise_factor(dt_s)[0][0],
-            Model::ConstantAcceleration(model) => model.noise_factor(dt_s)[0][0],
-        };
-        sigma_m.powi(2)
+        let squares = |row: &[f64]| row.iter().map(|factor| factor * factor).sum();
+        match &self.model {
+            Model::RandomWalk(model) => [squares(&model.noise_factor(dt_s)[0]), 0.0],
+            Model::ConstantVelocity(model) => model.noise_factor(dt_s).map(|row| squares(&row)),
+            Model::ConstantAcceleration(model) => {
+                let [position, velocity, _] = model.noise_factor(dt_s);
+                [squares(&position), squares(&velocity)]
+            }
+        }
     }
 }
 

@@ -173,12 +173,18 @@ impl Kalman {
     }
 }
 
-/// Position, velocity and variance of the position on each axis.
-type Posterior = [[f64; 3]; 3];
+/// Position, velocity and their variances on each axis.
+type Posterior = [[f64; 4]; 3];
 
 fn posterior(axes: &[Kalman; 3]) -> Posterior {
-    axes.each_ref()
-        .map(|k| [k.mean.x, k.mean.y, k.covariance[(0, 0)]])
+    axes.each_ref().map(|k| {
+        [
+            k.mean.x,
+            k.mean.y,
+            k.covariance[(0, 0)],
+            k.covariance[(1, 1)],
+        ]
+    })
 }
 
 /// Returns the posterior after each step and the extrapolation beyond the last.
@@ -270,7 +276,7 @@ fn check_against_kalman_filter(schemes: &[Resampling]) {
                     })
                     .collect();
                 for (step, expected) in expected.iter().enumerate() {
-                    for (axis, &[position_m, velocity_mps, variance_m2]) in
+                    for (axis, &[position_m, velocity_mps, variance_m2, variance_m2ps2]) in
                         expected.iter().enumerate()
                     {
                         let context = format!(
@@ -302,6 +308,15 @@ fn check_against_kalman_filter(schemes: &[Resampling]) {
                         assert!(
                             (mean / variance_m2 - 1.0).abs() < 0.1,
                             "{context}: variance {mean} for {variance_m2}"
+                        );
+                        let mean = runs
+                            .iter()
+                            .map(|run| run[step].velocity_covariance_m2ps2.unwrap()[diagonal])
+                            .sum::<f64>()
+                            / f64::from(SEEDS);
+                        assert!(
+                            (mean / variance_m2ps2 - 1.0).abs() < 0.1,
+                            "{context}: velocity's variance {mean} for {variance_m2ps2}"
                         );
                         // The axes are independent.
                         for (off_diagonal, [a, b]) in [(1, [0, 1]), (2, [0, 2]), (4, [1, 2])] {

@@ -161,6 +161,8 @@ def test_two_cameras_are_tracked_and_all_results_arrive(tmp_path, domain):
     velocity_mps = [getattr(odometry[ns].twist.twist.linear, axis) for axis in "xyz"]
     np.testing.assert_allclose(velocity_mps, (truths_m[-1] - truths_m[-2]) / (1e-9 * STEP_NS), atol=0.06)
     assert np.linalg.norm(velocity_mps) > 0.1
+    of_velocity = np.reshape(odometry[ns].twist.covariance, (6, 6))
+    assert (np.linalg.eigvalsh(of_velocity[:3, :3]) > 0).all() and of_velocity[0, 0] < 1 and of_velocity[3, 3] == 1e6
     assert [state.data for state in found["state"]][-50:] == ["tracking"] * 50
     last = found["detections"][-1]
     assert [(one.id, one.results[0].hypothesis.class_id) for one in last.detections] == [("ball", "ball")]

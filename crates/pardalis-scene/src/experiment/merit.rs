@@ -2,7 +2,7 @@
 
 /// Each figure of merit with its meaning, in the order of the columns of `results.csv`. Errors are over all evaluated
 /// frames with an estimate.
-pub const FIGURES_OF_MERIT: [(&str, &str); 46] = [
+pub const FIGURES_OF_MERIT: [(&str, &str); 47] = [
     (
         "coverage",
         "Share of the frames with the object visible that have an estimate.",
@@ -87,6 +87,10 @@ pub const FIGURES_OF_MERIT: [(&str, &str); 46] = [
     (
         "velocity_rmse_mps",
         "Root mean square error of the velocity.",
+    ),
+    (
+        "velocity_nees",
+        "Mean normalised estimation error squared of the velocity; 3 if its covariances are right, 2 on a plane.",
     ),
     (
         "course_error_median_rad",

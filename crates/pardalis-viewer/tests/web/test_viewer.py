@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 from web_fixtures import REPOSITORY
 
-HEADER = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence"
+HEADER = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,vxx_m2ps2,vxy_m2ps2,vxz_m2ps2,vyy_m2ps2,vyz_m2ps2,vzz_m2ps2"
 FRAMES = 24
 
 
@@ -42,7 +42,8 @@ def row(frame, target, position, state="tracking", variance=1e-4):
     place = [f"{component}" for component in position] if position else [""] * 3
     velocity = ["0.5", "-0.25", "0"] if position else [""] * 3
     covariance = [f"{variance}", "0", "0", f"{variance}", "0", f"{variance}"] if position else [""] * 6
-    return ",".join([f"{frame}", f"{frame / 25}", target, state if position else "lost", *place, *velocity, "", *covariance, "100", "0.9"])
+    of_velocity = ["0.04", "0", "0", "0.01", "0", "0.0025"] if position else [""] * 6
+    return ",".join([f"{frame}", f"{frame / 25}", target, state if position else "lost", *place, *velocity, "", *covariance, "100", "0.9", *of_velocity])
 
 
 def picture(locator):
@@ -65,6 +66,15 @@ def set_slider(page, index):
 
 def settle(page):
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done))))")
+
+
+def test_velocities_have_two_standard_deviations(view, open_page):
+    page = open_page(view([row(frame, "ball", [1, 2, 0.5]) for frame in range(3)]))
+    # Of (0.5, -0.25, 0) m/s with the variances 0.04, 0.01 and 0.0025 m²/s².
+    texts = [page.locator(f'tr[data-value="{axis}"] td').last.inner_text() for axis in "xyz"]
+    assert texts == ["0.40", "0.20", "0.10"]
+    along = math.sqrt(0.8 * 0.04 + 0.2 * 0.01)
+    assert page.locator('[data-value="speed"] dd').all_inner_texts() == [f"± {2 * along:.2f}", "0.56 m/s"]
 
 
 def test_a_report_shows_the_scene_and_loads_nothing(report, open_page):

@@ -2,6 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 use pardalis_core::Error;
+use pardalis_filter::bernoulli::CalmMotion;
+
+use crate::tuning::ExistenceTuning;
 
 /// Where a target can be: a box along the axes of the world, whose sides may lie at infinity.
 ///
@@ -117,6 +120,10 @@ pub struct ExistenceSettings {
     pub velocity_jump_rate_hz: f64,
     /// Standard deviation of such a change, on each axis, m/s.
     pub velocity_jump_sigma_mps: f64,
+    /// How often a target that moves as its motion model says becomes calm, Hz; 0 if it never does. The velocity of a calm target hardly changes.
+    pub calming_rate_hz: f64,
+    /// How often a calm target begins to move as its motion model says, Hz.
+    pub rousing_rate_hz: f64,
     /// Rates of occlusion and reappearance in each camera.
     pub occlusion: OcclusionRates,
     /// Height of the ground in the world, for targets that stay on it, metres.
@@ -133,6 +140,8 @@ impl Default for ExistenceSettings {
             relocation_rate_hz: 0.02,
             velocity_jump_rate_hz: 1.0,
             velocity_jump_sigma_mps: 4.0,
+            calming_rate_hz: 0.0,
+            rousing_rate_hz: 1.5,
             occlusion: OcclusionRates::default(),
             ground_z_m: 0.0,
             region: Region::default(),
@@ -149,6 +158,8 @@ impl ExistenceSettings {
             ("relocation_rate_hz", self.relocation_rate_hz),
             ("velocity_jump_rate_hz", self.velocity_jump_rate_hz),
             ("velocity_jump_sigma_mps", self.velocity_jump_sigma_mps),
+            ("calming_rate_hz", self.calming_rate_hz),
+            ("rousing_rate_hz", self.rousing_rate_hz),
             ("occlusion_rate_hz", self.occlusion.occlusion_hz),
         ] {
             if !(0.0..=1000.0).contains(&value) {
@@ -169,6 +180,15 @@ impl ExistenceSettings {
             return Err(Error::out_of_range("ground_z_m", self.ground_z_m, allowed));
         }
         self.region.check()
+    }
+
+    /// Returns how calm targets move; `None` if they never are.
+    pub(super) fn calm_motion(&self, tuning: &ExistenceTuning) -> Option<CalmMotion> {
+        (self.calming_rate_hz > 0.0).then_some(CalmMotion {
+            noise_share: tuning.calm_noise_share,
+            calming_rate_hz: self.calming_rate_hz,
+            rousing_rate_hz: self.rousing_rate_hz,
+        })
     }
 }
 

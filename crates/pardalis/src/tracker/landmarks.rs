@@ -19,7 +19,7 @@ pub(super) fn combined(
         }
         landmark
     };
-    let sum = landmarks.enumerate().map(noted).reduce(sum);
+    let sum = landmarks.enumerate().map(noted).reduce(|a, b| sum(&a, &b));
     let sum = sum.expect("a target has at least one body");
     let heading = ends.and_then(|[(_, front), (_, rear)]| {
         sum.kinematics?;
@@ -29,6 +29,9 @@ pub(super) fn combined(
         kinematics: sum.kinematics.map(|sum| StateEstimate {
             position_m: sum.position_m.map(|v| share * v),
             velocity_mps: sum.velocity_mps.map(|velocity| velocity.map(|v| share * v)),
+            velocity_covariance_m2ps2: sum
+                .velocity_covariance_m2ps2
+                .map(|covariance| covariance.map(|v| share * share * v)),
             covariance_m2: sum.covariance_m2.map(|v| share * share * v),
             best_position_m: sum.best_position_m.map(|v| share * v),
             effective_sample_size: sum.effective_sample_size,
@@ -50,13 +53,17 @@ fn heading_of(front: &StateEstimate, rear: &StateEstimate) -> [f64; 2] {
 }
 
 /// Adds the estimates of two landmarks with independent errors. Without both positions, the sum has none.
-fn sum(a: Estimate, b: Estimate) -> Estimate {
+fn sum(a: &Estimate, b: &Estimate) -> Estimate {
     let both = a.kinematics.zip(b.kinematics);
     Estimate {
         state: worse(a.state, b.state),
         kinematics: both.map(|(a, b)| StateEstimate {
             position_m: added(a.position_m, b.position_m),
             velocity_mps: a.velocity_mps.zip(b.velocity_mps).map(|(a, b)| added(a, b)),
+            velocity_covariance_m2ps2: a
+                .velocity_covariance_m2ps2
+                .zip(b.velocity_covariance_m2ps2)
+                .map(|(a, b)| added(a, b)),
             covariance_m2: added(a.covariance_m2, b.covariance_m2),
             best_position_m: added(a.best_position_m, b.best_position_m),
             effective_sample_size: a.effective_sample_size.min(b.effective_sample_size),
@@ -93,6 +100,7 @@ mod tests {
             kinematics: Some(StateEstimate {
                 position_m,
                 velocity_mps: Some([1.0, position_m[0], 0.0]),
+                velocity_covariance_m2ps2: Some([0.4, -0.2, 0.0, 0.6, 0.0, 0.0]),
                 covariance_m2: [4.0, 1.0, 0.0, 2.0, 0.0, 0.0],
                 best_position_m: position_m,
                 effective_sample_size: 100.0 + position_m[0],
@@ -121,6 +129,8 @@ mod tests {
         assert_eq!(known.position_m, [1.0, 3.0, 0.0]);
         assert_eq!(known.velocity_mps, Some([1.0, 1.0, 0.0]));
         assert_eq!(known.covariance_m2, [2.0, 0.5, 0.0, 1.0, 0.0, 0.0]);
+        let of_velocity_m2ps2 = [0.2, -0.1, 0.0, 0.3, 0.0, 0.0];
+        assert_eq!(known.velocity_covariance_m2ps2, Some(of_velocity_m2ps2));
         assert_eq!(known.effective_sample_size, 101.0);
     }
 

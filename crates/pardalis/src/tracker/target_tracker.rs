@@ -141,8 +141,7 @@ impl TargetTracker {
     pub(super) fn move_world(&mut self, now_from_before: &Pose, time_s: f64) {
         let estimate = self.estimate(0.0);
         if let Some(known) = &estimate.kinematics {
-            let sigma_mps = GaussianStart::VELOCITY_SIGMA_MPS[0];
-            let start = GaussianStart::from_estimate(known, sigma_mps).moved(now_from_before);
+            let start = GaussianStart::from_estimate(known).moved(now_from_before);
             self.track_mut().reinitialize(&start, time_s);
         }
     }
@@ -355,6 +354,7 @@ impl TargetTracker {
         Estimate {
             kinematics: located.kinematics.map(|known| StateEstimate {
                 velocity_mps: None,
+                velocity_covariance_m2ps2: None,
                 ..known
             }),
             ..located

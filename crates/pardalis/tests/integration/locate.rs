@@ -380,7 +380,7 @@ fn an_external_estimate_recovers_a_lost_ball() {
         ours.observe(&set).unwrap();
         if index == 4 {
             let theirs = other.estimate_at(BALL, time_s).unwrap().kinematics.unwrap();
-            let there = GaussianStart::from_estimate(&theirs, 0.5).moved(&other_from_world);
+            let there = GaussianStart::from_estimate(&theirs).moved(&other_from_world);
             earlier = Some((there.moved(&other_from_world.inverse()), time_s));
         }
         if index >= 6 {
@@ -417,6 +417,12 @@ fn external_estimates_are_predicted_to_the_current_time() {
     }
     let found_sd_m = found.covariance_m2[0].sqrt();
     assert!((found_sd_m / sd_m - 1.0).abs() < 0.1, "{found_sd_m} {sd_m}");
+    let sd_mps = motion.velocity_variance_m2ps2(0.25).sqrt();
+    let found_sd_mps = found.velocity_covariance_m2ps2.unwrap()[0].sqrt();
+    assert!(
+        (found_sd_mps / sd_mps - 1.0).abs() < 0.1,
+        "{found_sd_mps} {sd_mps}"
+    );
 }
 
 #[test]

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use pardalis_evaluate::{
-    Crowd, Errors, Evaluation, Identities, MeanSd, Reliability, Sample, States, Summary,
+    Consistency, Crowd, Errors, Evaluation, Identities, MeanSd, Reliability, Sample, States,
+    Summary,
 };
 use serde::Serialize;
 
@@ -336,7 +337,7 @@ fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fm
 type Figure = (&'static str, fn(&Errors) -> String);
 
 /// The lines about errors, in order.
-const FIGURES: [Figure; 27] = [
+const FIGURES: [Figure; 29] = [
     ("position error, mean, mm", |e| {
         thousandths(e.position_m.mean)
     }),
@@ -380,6 +381,12 @@ const FIGURES: [Figure; 27] = [
     ("velocity error, root mean square, mm/s", |e| {
         e.velocity_rmse_mps.map_or_else(none, thousandths)
     }),
+    ("velocity NEES, mean (expected)", |e| {
+        e.velocity_consistency.as_ref().map_or_else(none, mean_nees)
+    }),
+    ("    within 95 % bound", |e| {
+        e.velocity_consistency.as_ref().map_or_else(none, within_95)
+    }),
     ("course error while it moves, median, mrad", |e| {
         e.course
             .map_or_else(none, |c| thousandths(c.error_median_rad))
@@ -393,22 +400,13 @@ const FIGURES: [Figure; 27] = [
     ("    bias", |e| {
         e.heading.map_or_else(none, |h| degrees(h.bias_rad))
     }),
-    ("NEES, mean (expected)", |e| {
-        let c = &e.consistency;
-        let both = c.mean_nees.zip(c.expected_nees);
-        both.map_or_else(none, |(mean, expected)| {
-            format!("{} ({})", nees(mean), fixed(expected, 1))
-        })
-    }),
+    ("NEES, mean (expected)", |e| mean_nees(&e.consistency)),
     ("    99 % band of the mean", |e| {
         let band = e.consistency.mean_nees_band_99;
         let shown = |[low, high]: [f64; 2]| format!("{} to {}", nees(low), nees(high));
         band.map_or_else(none, shown)
     }),
-    ("    within 95 % bound", |e| {
-        let share = e.consistency.share_within_95;
-        share.map_or_else(none, |share| format!("{} %", fixed(100.0 * share, 1)))
-    }),
+    ("    within 95 % bound", |e| within_95(&e.consistency)),
     ("    left out, no covariance", |e| {
         e.consistency.left_out.to_string()
     }),
@@ -422,6 +420,20 @@ fn thousandths(value: f64) -> String {
 /// Formats radians in degrees.
 fn degrees(angle_rad: f64) -> String {
     fixed(angle_rad.to_degrees(), 2)
+}
+
+/// Formats the mean NEES and what is expected of it.
+fn mean_nees(found: &Consistency) -> String {
+    let both = found.mean_nees.zip(found.expected_nees);
+    both.map_or_else(none, |(mean, expected)| {
+        format!("{} ({})", nees(mean), fixed(expected, 1))
+    })
+}
+
+/// Formats the share of the estimates within the 95 % chi-square bound.
+fn within_95(found: &Consistency) -> String {
+    let share = found.share_within_95;
+    share.map_or_else(none, |share| format!("{} %", fixed(100.0 * share, 1)))
 }
 
 /// Formats a NEES; with zero covariances it can be arbitrarily large.

@@ -217,7 +217,7 @@ pub(crate) fn locate(
             if target.crowd.is_some() && estimate.state == TrackState::Tracking {
                 tracked.extend(members(tracker, number, set.time_s)?);
             } else {
-                tracked.push(Tracked::target(number, *estimate));
+                tracked.push(Tracked::target(number, estimate));
             }
         }
         for located in &tracked {

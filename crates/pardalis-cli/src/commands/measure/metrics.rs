@@ -81,6 +81,9 @@ pub(super) const METRICS: [Metric; FIGURES_OF_MERIT.len()] = [
     ("bias_y_m", |m| errors(m).map(|e| e.bias_m[1])),
     ("bias_z_m", |m| errors(m).map(|e| e.bias_m[2])),
     ("velocity_rmse_mps", |m| errors(m)?.velocity_rmse_mps),
+    ("velocity_nees", |m| {
+        errors(m)?.velocity_consistency?.mean_nees
+    }),
     ("course_error_median_rad", |m| {
         course(m).map(|c| c.error_median_rad)
     }),

@@ -8,7 +8,8 @@ use std::time::Duration;
 /// The first line of every tracks.csv.
 pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
                           xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,best_x_m,best_y_m,best_z_m,\
-                          radius_m,sigma_radius_m,sigma_heading_rad";
+                          radius_m,sigma_radius_m,sigma_heading_rad,\
+                          vxx_m2ps2,vxy_m2ps2,vxz_m2ps2,vyy_m2ps2,vyz_m2ps2,vzz_m2ps2";
 
 /// Returns the fields of the rows of a tracks.csv after checking that header and rows are complete.
 pub(crate) fn rows_in(text: &str) -> Vec<Vec<String>> {
@@ -18,7 +19,7 @@ pub(crate) fn rows_in(text: &str) -> Vec<Vec<String>> {
     lines
         .map(|line| {
             let fields: Vec<String> = line.split(',').map(str::to_owned).collect();
-            assert_eq!(fields.len(), 25, "{line}");
+            assert_eq!(fields.len(), 31, "{line}");
             fields
         })
         .collect()

@@ -127,7 +127,7 @@ fn existence_probabilities_and_covariances_are_calibrated() {
             step: 0,
             target: None,
         };
-        let mut filter = filter(settings(), seed);
+        let mut filter = filter(&settings(), seed);
         for _ in 0..STEPS {
             step(&mut filter, &world.simulate_step());
             let existence = filter.existence();

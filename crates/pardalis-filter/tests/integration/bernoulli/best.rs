@@ -11,7 +11,7 @@ use super::{START, certain, entries, filter, gaussian_ratio, measured, slanted, 
 fn the_best_particle_is_the_most_likely_one() {
     let covariance = slanted(0.1, 0.02);
     let ratio_of = |position_m| gaussian_ratio(position_m, covariance, 5.0);
-    let mut tracked = filter(certain(velocity()), 5);
+    let mut tracked = filter(&certain(velocity()), 5);
     tracked.start(&START, 1.0).unwrap();
     let mut coincidences = 0;
     for step in 0..20 {
@@ -44,7 +44,7 @@ fn the_best_particle_is_the_most_likely_one() {
 #[test]
 fn the_best_particle_is_extrapolated_with_its_own_velocity() {
     let covariance = slanted(0.05, 0.01);
-    let mut tracked = filter(certain(velocity()), 6);
+    let mut tracked = filter(&certain(velocity()), 6);
     tracked.start(&START, 1.0).unwrap();
     let position_m = measured(0, 0.0, &covariance);
     tracked.predict(0.04);

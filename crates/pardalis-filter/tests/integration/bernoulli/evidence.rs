@@ -52,7 +52,7 @@ fn located_and_elsewhere(existence: f64, dt_s: f64) -> (f64, f64) {
 
 #[test]
 fn existence_follows_its_recursion() {
-    let mut tracked = filter(lively(), 1);
+    let mut tracked = filter(&lively(), 1);
     tracked.start(&START, 0.6).unwrap();
     let mut expected = 0.6;
     for step in 0..30 {
@@ -77,7 +77,7 @@ fn existence_follows_its_recursion() {
 
 #[test]
 fn existence_follows_the_evidence_and_stays_without_any() {
-    let mut steady = filter(certain(velocity()), 1);
+    let mut steady = filter(&certain(velocity()), 1);
     steady.start(&START, 0.4).unwrap();
     for _ in 0..50 {
         steady.predict(0.04);
@@ -89,7 +89,7 @@ fn existence_follows_the_evidence_and_stays_without_any() {
         );
     }
     // However certain existence was, strong evidence soon changes it, in either direction.
-    let mut lost = filter(lively(), 1);
+    let mut lost = filter(&lively(), 1);
     lost.start(&START, 1.0).unwrap();
     for log_ratio in [500.0, 500.0, -500.0] {
         lost.predict(0.04);
@@ -102,7 +102,7 @@ fn existence_follows_the_evidence_and_stays_without_any() {
     lost.update(&[], f64::INFINITY, |_, out| out.fill(f32::NEG_INFINITY));
     assert_eq!((lost.existence(), lost.estimate(0.0)), (0.0, None));
     // A target that certainly exists remains as predicted if the images contradict it.
-    let mut certain = filter(certain(velocity()), 1);
+    let mut certain = filter(&certain(velocity()), 1);
     certain.start(&START, 1.0).unwrap();
     certain.predict(0.1);
     let before = (certain.estimate(0.0), certain.particles().clone());
@@ -115,7 +115,7 @@ fn existence_follows_the_evidence_and_stays_without_any() {
 fn evidence_for_existence_is_limited() {
     let (free, bounded) = (f64::INFINITY, 0.4);
     let [free, bounded] = [free, bounded].map(|most_nats| {
-        let mut filter = filter(lively(), 1);
+        let mut filter = filter(&lively(), 1);
         filter.start(&START, 0.6).unwrap();
         filter.predict(0.25);
         let place = Vector3::from(START.position_m);
@@ -139,7 +139,7 @@ fn evidence_for_existence_is_limited() {
 fn the_predicted_density_is_that_of_the_mixture() {
     let mut settings = certain(velocity());
     settings.velocity_jump_rate_hz = 0.0;
-    let mut tracked = filter(settings, 1);
+    let mut tracked = filter(&settings, 1);
     let nowhere = tracked.predicted_density(START.position_m, &slanted(0.2, 0.03));
     assert_eq!(nowhere, 0.0);
     tracked.start(&POINT_START, 1.0).unwrap();
@@ -160,7 +160,7 @@ fn the_predicted_density_is_that_of_the_mixture() {
     let (rate_hz, sigma_mps, dt_s) = (2.0, 3.0, 0.3_f64);
     settings.velocity_jump_rate_hz = rate_hz;
     settings.velocity_jump_sigma_mps = sigma_mps;
-    let mut jumping = filter(settings, 1);
+    let mut jumping = filter(&settings, 1);
     jumping.start(&POINT_START, 1.0).unwrap();
     jumping.predict(dt_s);
     let probability = 1.0 - (-rate_hz * dt_s).exp();
@@ -194,7 +194,7 @@ fn an_appearing_target_is_located_in_one_update() {
     for started in [false, true] {
         let mut settings = lively();
         settings.birth_velocity_sigma_mps = 0.8;
-        let mut born = filter(settings, 3);
+        let mut born = filter(&settings, 3);
         if started {
             born.start(&START, 0.9).unwrap();
         }
@@ -236,7 +236,7 @@ fn estimate_growth(filter: &BernoulliFilter, ahead_s: f64) -> f64 {
 /// Runs one update from [`POINT_START`] with many seeds. Compares the means of the odds of existence, and of the
 /// share of the weight around a point, with exact values within their standard errors.
 fn check_one_update(
-    settings: BernoulliSettings,
+    settings: &BernoulliSettings,
     components: &[MeasurementComponent],
     log_ratios: impl Fn(&Particles, &mut [f32]),
     exact_odds: f64,
@@ -298,7 +298,7 @@ fn predictions_and_births_are_weighted_by_their_densities() {
     let mut from_far = vec![0.0; PARTICLES];
     let both = RefCell::new(&mut from_far);
     check_one_update(
-        settings,
+        &settings,
         &[component_at(far), component_at(near)],
         |particles, out| {
             let mut from_far = both.borrow_mut();
@@ -318,7 +318,7 @@ fn predictions_and_births_are_weighted_by_their_densities() {
         ..component_at(beyond)
     };
     check_one_update(
-        settings,
+        &settings,
         &[strong, component_at(near)],
         gaussian_ratio(beyond, covariance, plus),
         gain * born,
@@ -326,7 +326,7 @@ fn predictions_and_births_are_weighted_by_their_densities() {
     );
     // The far one alone: a birth or a relocation.
     check_one_update(
-        settings,
+        &settings,
         &[component_at(far)],
         gaussian_ratio(far, covariance, plus),
         gain * born,
@@ -363,7 +363,7 @@ fn wrong_components_do_not_bias_the_weights() {
     let settings = certain(velocity());
     for components in [&wrong[..], &wrong[..1], &[]] {
         check_one_update(
-            settings,
+            &settings,
             components,
             |particles, out| {
                 for (i, out) in out.iter_mut().enumerate() {
@@ -378,7 +378,7 @@ fn wrong_components_do_not_bias_the_weights() {
 
 #[test]
 fn the_predicted_density_in_a_plane_is_per_square_metre() {
-    let mut flat = filter(certain(walk(0.2).in_plane()), 1);
+    let mut flat = filter(&certain(walk(0.2).in_plane()), 1);
     flat.start(&POINT_START, 1.0).unwrap();
     flat.predict(0.5);
     let [x, y, z] = START.position_m;
@@ -421,7 +421,7 @@ fn the_vertical_axis_is_ignored_in_a_plane() {
     let agreed = height(variance)(near.x - mean.x, near.y - mean.y);
     let (located, elsewhere) = located_and_elsewhere(0.7, 0.2);
     check_one_update(
-        settings,
+        &settings,
         &[component],
         |particles, out| {
             for (i, out) in out.iter_mut().enumerate() {
@@ -433,7 +433,7 @@ fn the_vertical_axis_is_ignored_in_a_plane() {
         (located * agreed + elsewhere * 0.05) / (1.0 - located - elsewhere),
         None,
     );
-    let mut filter = filter(settings, 1);
+    let mut filter = filter(&settings, 1);
     filter.start(&START, 0.7).unwrap();
     filter.predict(0.1);
     filter.update(&[], f64::INFINITY, silent);

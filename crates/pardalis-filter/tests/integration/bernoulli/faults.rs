@@ -2,7 +2,7 @@
 
 use pardalis_core::rng::Draws;
 use pardalis_filter::bernoulli::{
-    BernoulliFilter, BernoulliSettings, MeasurementComponent, ParticleRange,
+    BernoulliFilter, BernoulliSettings, CalmMotion, MeasurementComponent, ParticleRange,
 };
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{
@@ -43,8 +43,13 @@ fn unsupported_motion_and_settings_out_of_range_are_rejected() {
             "{error}"
         );
     }
-    let good = lively();
-    let breaks: [(Break, &str); 8] = [
+    let mut good = lively();
+    good.calm = Some(CalmMotion {
+        noise_share: 0.02,
+        calming_rate_hz: 0.5,
+        rousing_rate_hz: 1.5,
+    });
+    let breaks: [(Break, &str); 11] = [
         (
             |settings| settings.particles = ParticleRange::fixed(0),
             "particles is 0",
@@ -68,6 +73,18 @@ fn unsupported_motion_and_settings_out_of_range_are_rejected() {
             |settings| settings.birth_velocity_sigma_mps = -0.1,
             "birth_velocity_sigma_mps",
         ),
+        (
+            |settings| settings.calm.as_mut().unwrap().noise_share = 1.5,
+            "noise_share is 1.5",
+        ),
+        (
+            |settings| settings.calm.as_mut().unwrap().calming_rate_hz = -1.0,
+            "calming_rate_hz is -1",
+        ),
+        (
+            |settings| settings.calm.as_mut().unwrap().rousing_rate_hz = f64::NAN,
+            "rousing_rate_hz",
+        ),
     ];
     for (make_invalid, name) in breaks {
         let mut settings = good;
@@ -75,7 +92,7 @@ fn unsupported_motion_and_settings_out_of_range_are_rejected() {
         let error = BernoulliFilter::new(settings, Draws::new(1, 0)).unwrap_err();
         assert!(error.to_string().starts_with(name), "{error}");
     }
-    let mut filter = filter(good, 1);
+    let mut filter = filter(&good, 1);
     assert!(filter.start(&START, 1.5).is_err());
     assert!(
         filter
@@ -190,7 +207,7 @@ proptest! {
         settings.particles = ParticleRange { min: 20, max: 37 };
         [settings.birth_rate_hz, settings.death_rate_hz, settings.relocation_rate_hz] = rates_hz;
         settings.birth_density = birth_density;
-        let mut filter = filter(settings, 9);
+        let mut filter = filter(&settings, 9);
         if starts {
             filter.start(&START, 0.8).unwrap();
         }

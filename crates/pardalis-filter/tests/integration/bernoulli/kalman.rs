@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 use pardalis_filter::bernoulli::{
-    BernoulliFilter, BernoulliSettings, MeasurementComponent, ParticleRange,
+    BernoulliFilter, BernoulliSettings, CalmMotion, MeasurementComponent, ParticleRange,
 };
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 
@@ -14,6 +14,7 @@ use super::{
 };
 
 /// Exact inference of position and velocity in space.
+#[derive(Clone)]
 struct Kalman {
     mean: Vector6<f64>,
     covariance: Matrix6<f64>,
@@ -38,6 +39,11 @@ impl Kalman {
     }
 
     fn predict(&mut self, dt_s: f64) {
+        self.predict_with(dt_s, DENSITY_M2PS3);
+    }
+
+    /// Predicts with this density of the acceleration noise, m²/s³.
+    fn predict_with(&mut self, dt_s: f64, q: f64) {
         let mut f = Matrix6::identity();
         for axis in 0..3 {
             f[(axis, axis + 3)] = dt_s;
@@ -45,7 +51,6 @@ impl Kalman {
         self.mean = f * self.mean;
         self.covariance = f * self.covariance * f.transpose();
         for axis in 0..3 {
-            let q = DENSITY_M2PS3;
             self.covariance[(axis, axis)] += q * dt_s.powi(3) / 3.0;
             self.covariance[(axis, axis + 3)] += q * dt_s.powi(2) / 2.0;
             self.covariance[(axis + 3, axis)] += q * dt_s.powi(2) / 2.0;
@@ -102,6 +107,21 @@ pub(super) fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str
     scatter * (PARTICLES as f64).sqrt() / sigma
 }
 
+/// Returns how far covariances are off, given the errors of their means, in coordinates in which the exact covariance is the unit matrix.
+/// Law of total variance: particles whose mean deviates from the exact one are less scattered by that amount.
+fn covariance_error(
+    exact: &Matrix3<f64>,
+    found: impl ExactSizeIterator<Item = (Vector3<f64>, [f64; 6])>,
+) -> Matrix3<f64> {
+    let count = found.len() as f64;
+    let total: Matrix3<f64> = found
+        .map(|(error, covariance)| matrix(covariance) + error * error.transpose())
+        .sum::<Matrix3<f64>>()
+        / count;
+    let whitening = exact.cholesky().unwrap().l().try_inverse().unwrap();
+    whitening * total * whitening.transpose() - Matrix3::identity()
+}
+
 /// Filters the measurements with 100 seeds, with or without measurement components, and compares the estimates with
 /// the Kalman filter. Returns the average and the greatest scatter of positions, in σ/√N, where N is the least number of particles.
 fn check_against_kalman(
@@ -116,7 +136,7 @@ fn check_against_kalman(
     let mut kalman = Kalman::new(start);
     let mut filters: Vec<_> = (0..SEEDS)
         .map(|seed| {
-            let mut filter = filter(settings, seed);
+            let mut filter = filter(&settings, seed);
             filter.start(start, 1.0).unwrap();
             filter
         })
@@ -163,18 +183,20 @@ fn check_against_kalman(
                 .collect();
             check_unbiased(&values, kalman.mean[axis + 3], sigma, &place);
         }
-        // Law of total variance: particles whose mean deviates from the exact one are less scattered by that amount.
-        // In coordinates in which the exact covariance is the unit matrix.
-        let total: Matrix3<f64> = estimates
-            .iter()
-            .map(|e| {
+        let off = covariance_error(
+            &covariance,
+            estimates.iter().map(|e| {
                 let error = Vector3::from(e.position_m) - kalman.mean.fixed_rows::<3>(0);
-                matrix(e.covariance_m2) + error * error.transpose()
-            })
-            .sum::<Matrix3<f64>>()
-            / f64::from(SEEDS);
-        let whitening = covariance.cholesky().unwrap().l().try_inverse().unwrap();
-        let off = whitening * total * whitening.transpose() - Matrix3::identity();
+                (error, e.covariance_m2)
+            }),
+        );
+        let velocity_off = covariance_error(
+            &velocity_covariance,
+            estimates.iter().map(|e| {
+                let error = Vector3::from(e.velocity_mps.unwrap()) - kalman.mean.fixed_rows::<3>(3);
+                (error, e.velocity_covariance_m2ps2.unwrap())
+            }),
+        );
         let effective = scatters[3 * step..]
             .iter()
             .copied()
@@ -185,6 +207,10 @@ fn check_against_kalman(
         assert!(
             off.abs().max() < allowed,
             "step {step}: {off}, allowed {allowed}"
+        );
+        assert!(
+            velocity_off.abs().max() < allowed,
+            "step {step}: velocity {velocity_off}, allowed {allowed}"
         );
     }
     let of_least = (particles.min as f64 / PARTICLES as f64).sqrt();
@@ -205,7 +231,7 @@ fn updates_draw_as_many_particles_as_they_need() {
     let range = FEW_OR_MANY;
     let mut settings = certain(velocity());
     settings.particles = range;
-    let mut filter = filter(settings, 1);
+    let mut filter = filter(&settings, 1);
     filter.start(&START, 1.0).unwrap();
     assert_eq!(filter.particles().count(), range.max);
     let component = |covariance_m2: &Matrix3<f64>| MeasurementComponent {
@@ -278,7 +304,7 @@ fn broad_measurements_agree_with_the_kalman_filter() {
 
 /// Returns a filter after a third of a second without information.
 fn after_occlusion(seed: u32) -> BernoulliFilter {
-    let mut filter = filter(certain(velocity()), seed);
+    let mut filter = filter(&certain(velocity()), seed);
     filter.start(&START, 1.0).unwrap();
     for _ in 0..8 {
         filter.predict(0.04);
@@ -357,7 +383,7 @@ fn a_reappearing_target_is_weighted_by_the_moment_matched_prediction() {
 fn predictions_in_one_or_several_steps_agree_with_the_kalman_filter() {
     let settings = BernoulliSettings::of(velocity());
     let mut filters = [[0.75, 0.0, 0.0], [0.25, 0.125, 0.375]].map(|pieces| {
-        let mut filter = filter(settings, 5);
+        let mut filter = filter(&settings, 5);
         filter.start(&START, 0.75).unwrap();
         for dt_s in pieces {
             filter.predict(dt_s);
@@ -378,10 +404,193 @@ fn predictions_in_one_or_several_steps_agree_with_the_kalman_filter() {
         assert!(error.abs() < 5.0 / (PARTICLES as f64).sqrt(), "{error}");
         let ratio = estimate.covariance_m2[[0, 3, 5][axis]] / sigma.powi(2);
         assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+        let variance = kalman.block::<1, 1>()[(axis, axis)];
+        let of_velocity_m2ps2 = estimate.velocity_covariance_m2ps2.unwrap();
+        let ratio = of_velocity_m2ps2[[0, 3, 5][axis]] / variance;
+        assert!((ratio - 1.0).abs() < 0.1, "velocity: {ratio}");
     }
     let bits = filters.each_mut().map(|filter| {
         filter.update(&[], f64::INFINITY, silent);
         format!("{:?}", filter.estimate(0.0))
     });
     assert_eq!(bits[0], bits[1]);
+}
+
+#[test]
+fn predicted_velocities_may_jump_but_not_out_of_a_plane() {
+    let (sigma_mps, jump_sigma_mps, time_s) = (0.5, 3.0, 0.4);
+    let start = GaussianStart {
+        velocity_sigma_mps: [sigma_mps; 3],
+        ..START
+    };
+    let drawn = sigma_mps * sigma_mps + DENSITY_M2PS3 * time_s;
+    // Jumps at random times, twice a second.
+    let jumped = (1.0 - (-2.0 * time_s).exp()) * jump_sigma_mps * jump_sigma_mps;
+    for (motion, vertical) in [(velocity(), 1.0), (velocity().in_plane(), 0.0)] {
+        let mut settings = certain(motion);
+        settings.velocity_jump_rate_hz = 2.0;
+        settings.velocity_jump_sigma_mps = jump_sigma_mps;
+        let mut filter = filter(&settings, 1);
+        filter.start(&start, 1.0).unwrap();
+        filter.predict(0.25 * time_s);
+        let found = filter.estimate(0.75 * time_s).unwrap();
+        let found = found.velocity_covariance_m2ps2.unwrap();
+        let expected = drawn + jumped;
+        let expected = [expected, 0.0, 0.0, expected, 0.0, vertical * expected];
+        for (found, expected) in found.into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
+        }
+    }
+}
+
+/// One history of a target that was calm in some steps and lively in others.
+#[derive(Clone)]
+struct History {
+    kalman: Kalman,
+    /// The logarithm of its probability times the density of the measurements.
+    log_weight: f64,
+    is_calm: bool,
+}
+
+/// Returns mean and covariance over all histories, and the probability that the target is calm.
+fn moments(histories: &[History]) -> (Vector6<f64>, Matrix6<f64>, f64) {
+    let logs = histories.iter().map(|history| history.log_weight);
+    let greatest = logs.fold(f64::NEG_INFINITY, f64::max);
+    let weights = histories
+        .iter()
+        .map(|history| (history.log_weight - greatest).exp());
+    let weights: Vec<f64> = weights.collect();
+    let total: f64 = weights.iter().sum();
+    let weighted = || {
+        let shares = weights.iter().map(|weight| weight / total);
+        shares.zip(histories)
+    };
+    let mean: Vector6<f64> = weighted().map(|(share, h)| share * h.kalman.mean).sum();
+    let covariance = weighted().map(|(share, h)| {
+        let off = h.kalman.mean - mean;
+        share * (h.kalman.covariance + off * off.transpose())
+    });
+    let calm = weighted().map(|(share, h)| share * f64::from(u8::from(h.is_calm)));
+    (mean, covariance.sum(), calm.sum())
+}
+
+/// Returns the histories one step later, with what was measured then.
+fn grown(
+    histories: &[History],
+    calm: &CalmMotion,
+    dt_s: f64,
+    (place_m, covariance_m2): (Vector3<f64>, Matrix3<f64>),
+) -> Vec<History> {
+    // A Markov chain of two states.
+    let both_hz = calm.calming_rate_hz + calm.rousing_rate_hz;
+    let settled = (1.0 - (-both_hz * dt_s).exp()) / both_hz;
+    let turning = [calm.calming_rate_hz, calm.rousing_rate_hz].map(|rate_hz| rate_hz * settled);
+    let after = |history: &History, is_calm: bool| {
+        let turning = turning[usize::from(history.is_calm)];
+        let chance = if is_calm == history.is_calm {
+            1.0 - turning
+        } else {
+            turning
+        };
+        let mut kalman = history.kalman.clone();
+        let share = if is_calm { calm.noise_share } else { 1.0 };
+        kalman.predict_with(dt_s, share * DENSITY_M2PS3);
+        let log_density = kalman.update(place_m, covariance_m2);
+        History {
+            kalman,
+            log_weight: history.log_weight + chance.ln() + log_density,
+            is_calm,
+        }
+    };
+    let all = histories.iter();
+    let all = all.flat_map(|history| [false, true].map(|is_calm| after(history, is_calm)));
+    all.collect()
+}
+
+/// Sharp measurements tell the calm histories from the lively ones: at first the target moves evenly, then it is accelerated.
+#[test]
+fn calm_and_lively_targets_agree_with_the_sum_over_all_histories() {
+    const SEEDS: u32 = 100;
+    const STEPS: usize = 9;
+    const STEP_S: f64 = 0.05;
+    let calm = CalmMotion {
+        noise_share: 0.02,
+        calming_rate_hz: 2.0,
+        rousing_rate_hz: 3.0,
+    };
+    let mut settings = certain(velocity());
+    settings.calm = Some(calm);
+    settings.particles = ParticleRange::fixed(5000);
+    // Moments would only approximate that many histories.
+    settings.proposal.min_effective_share = 1e-9;
+    let covariance_m2 = slanted(0.02, 0.006);
+    let start = GaussianStart {
+        covariance_m2: diagonal_m2([0.01; 3]),
+        velocity_sigma_mps: [0.5; 3],
+        ..START
+    };
+    let mut filters: Vec<_> = (0..SEEDS)
+        .map(|seed| {
+            let mut filter = filter(&settings, seed);
+            filter.start(&start, 1.0).unwrap();
+            filter
+        })
+        .collect();
+    let mut histories = vec![History {
+        kalman: Kalman::new(&start),
+        log_weight: 0.0,
+        is_calm: false,
+    }];
+    let mut calm_chances = Vec::new();
+    for step in 0..STEPS {
+        let time_s = STEP_S * (step + 1) as f64;
+        let place_m = measured(step, time_s, &covariance_m2);
+        let accelerated_m = 4.0 * (time_s - 0.25).max(0.0).powi(2);
+        let place_m = place_m + Vector3::new(0.0, accelerated_m, 0.0);
+        histories = grown(&histories, &calm, STEP_S, (place_m, covariance_m2));
+        let component = MeasurementComponent {
+            position_m: place_m.into(),
+            covariance_m2: entries(&covariance_m2),
+            log_weight: 3.0,
+        };
+        let mut estimates = Vec::new();
+        for filter in &mut filters {
+            filter.predict(STEP_S);
+            let ratio = gaussian_ratio(place_m, covariance_m2, 0.0);
+            filter.update(&[component], f64::INFINITY, ratio);
+            estimates.push(filter.estimate(0.0).unwrap());
+        }
+        let (mean, covariance, calm_chance) = moments(&histories);
+        calm_chances.push(calm_chance);
+        for axis in 0..3 {
+            let place = format!("step {step}, axis {axis}");
+            let sigma = covariance[(axis, axis)].sqrt();
+            let values: Vec<f64> = estimates.iter().map(|e| e.position_m[axis]).collect();
+            check_unbiased(&values, mean[axis], sigma, &place);
+            let sigma = covariance[(axis + 3, axis + 3)].sqrt();
+            let values: Vec<f64> = estimates
+                .iter()
+                .map(|e| e.velocity_mps.unwrap()[axis])
+                .collect();
+            check_unbiased(
+                &values,
+                mean[axis + 3],
+                sigma,
+                &format!("velocity, {place}"),
+            );
+        }
+        let off = covariance_error(
+            &covariance.fixed_view::<3, 3>(3, 3).into(),
+            estimates.iter().map(|e| {
+                let error = Vector3::from(e.velocity_mps.unwrap()) - mean.fixed_rows::<3>(3);
+                (error, e.velocity_covariance_m2ps2.unwrap())
+            }),
+        );
+        // The posterior is a mixture of few histories at a time, with several hundred particles each.
+        assert!(off.abs().max() < 0.1, "step {step}: {off}");
+    }
+    // Both kinds of histories have been decisive.
+    let greatest = calm_chances.iter().copied().fold(0.0, f64::max);
+    let last = calm_chances[STEPS - 1];
+    assert!(greatest > 0.8 && last < 0.2, "{calm_chances:?}");
 }

@@ -55,8 +55,8 @@ fn lively() -> BernoulliSettings {
     settings
 }
 
-fn filter(settings: BernoulliSettings, seed: u32) -> BernoulliFilter {
-    BernoulliFilter::new(settings, Draws::new(seed, 0)).unwrap()
+fn filter(settings: &BernoulliSettings, seed: u32) -> BernoulliFilter {
+    BernoulliFilter::new(*settings, Draws::new(seed, 0)).unwrap()
 }
 
 const START: GaussianStart = GaussianStart {
@@ -120,7 +120,7 @@ fn measured(step: usize, time_s: f64, covariance_m2: &Matrix3<f64>) -> Vector3<f
 fn the_result_depends_only_on_the_seed() {
     let run = |seed: u32| {
         let covariance = slanted(0.1, 0.01);
-        let mut filter = filter(lively(), seed);
+        let mut filter = filter(&lively(), seed);
         for step in 0..10 {
             let place = measured(step, 0.04 * step as f64, &covariance);
             let component = MeasurementComponent {

@@ -73,7 +73,7 @@ fn noise(seed: u32, step: usize, stage: Stage) -> Vector3<f64> {
 }
 
 fn started(seed: u32) -> BernoulliFilter {
-    let mut filter = filter(certain(velocity()), seed);
+    let mut filter = filter(&certain(velocity()), seed);
     filter.start(&START, 1.0).unwrap();
     filter
 }
@@ -447,7 +447,7 @@ fn outliers_change_nothing_and_only_they_are_rejected() {
 
 #[test]
 fn existence_stays_as_predicted() {
-    let mut filter = filter(lively(), 2);
+    let mut filter = filter(&lively(), 2);
     let place = Measurement::range(0.0, [0.0; 3], 2.5, 0.1).unwrap();
     assert_eq!(filter.measure(&place, 0.0, NONE_M2), Measured::NoTarget);
     filter.start(&START, 0.7).unwrap();
@@ -465,7 +465,7 @@ fn existence_stays_as_predicted() {
 #[test]
 fn in_a_plane_the_height_stays() {
     for motion in [velocity().in_plane(), walk(0.1).in_plane()] {
-        let mut filter = filter(certain(motion), 3);
+        let mut filter = filter(&certain(motion), 3);
         filter.start(&START, 1.0).unwrap();
         let variances = [4e-4, 0.0, 0.0, 4e-4, 0.0, 4e-4];
         let to = [1.2, -0.5];

@@ -167,6 +167,7 @@ impl DetectedTarget {
         filter.birth_velocity_sigma_mps = tuning.existence.birth_velocity_sigma_mps;
         filter.velocity_jump_rate_hz = existence.velocity_jump_rate_hz;
         filter.velocity_jump_sigma_mps = existence.velocity_jump_sigma_mps;
+        filter.calm = existence.calm_motion(&tuning.existence);
         filter.proposal = tuning.proposal;
         let filter = BernoulliFilter::new(filter, draws)?;
         let ground_z_m = is_planar.then_some(existence.ground_z_m);
@@ -291,6 +292,20 @@ impl DetectedTarget {
         self.track.set_started();
     }
 
+    fn prediction(&self) -> Prediction {
+        Prediction {
+            estimate: self.filter.estimate(0.0),
+            by_liveliness_m2: self.filter.predicted_by_liveliness(),
+            existence: self.filter.existence(),
+            since_s: self.since_s,
+            size: self.size.known(),
+            yaw: self
+                .heading
+                .and_then(|heading| heading.prior(&self.tuning.heading)),
+            is_challenged: self.challenge.is_open(),
+        }
+    }
+
     /// Updates what was predicted with the frames of one instant.
     pub(super) fn observe(
         &mut self,
@@ -323,16 +338,7 @@ impl DetectedTarget {
             EdgeFrame::new(*camera, view.prepared(frame), context)
         }));
 
-        let predicted = Prediction {
-            estimate: self.filter.estimate(0.0),
-            existence: self.filter.existence(),
-            since_s: self.since_s,
-            size: self.size.known(),
-            yaw: self
-                .heading
-                .and_then(|heading| heading.prior(&self.tuning.heading)),
-            is_challenged: self.challenge.is_open(),
-        };
+        let predicted = self.prediction();
         let edge = (&mut self.edge, &frames[..]);
         let boxes = self.boxes.as_ref();
         self.detector
