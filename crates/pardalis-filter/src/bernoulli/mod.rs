@@ -2,7 +2,7 @@
 //! that a target exists, and its position. It is independent of images.
 //!
 //! Particles are positions; each carries the mean and the variance of its velocity given its path
-//! (Rao-Blackwellised). A target appears and disappears at constant rates, and one that exists may be relocated.
+//! (Rao-Blackwellised), and whether it is lively or calm. A target appears and disappears at constant rates, and one that exists may be relocated.
 //! Let r be the probability that it is where the particles moved, e the probability that it exists elsewhere, with
 //! uniform density B, and N the prediction of particle i. The prior density is Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New
 //! positions are drawn from a mixture of predictions and measurement components, and the weights are divided by the

@@ -157,4 +157,59 @@ mod tests {
             assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
         }
     }
+    #[test]
+    fn lively_and_calm_targets_are_predicted_each_by_itself() {
+        let mut settings = BernoulliSettings {
+            particles: ParticleRange::fixed(1),
+            velocity_jump_rate_hz: 1.0,
+            velocity_jump_sigma_mps: 3.0,
+            ..BernoulliSettings::of(Motion::DEFAULT)
+        };
+        let predicted = |settings: &BernoulliSettings| {
+            let mut filter = BernoulliFilter::new(*settings, Draws::new(3, 0)).unwrap();
+            let start = GaussianStart {
+                velocity_sigma_mps: [0.5; 3],
+                ..GaussianStart::default()
+            };
+            filter.start(&start, 1.0).unwrap();
+            filter.predict(0.2);
+            let Kinematics::Velocity {
+                acceleration_density_m2ps3,
+            } = filter.kinematics
+            else {
+                unreachable!("the default motion has a velocity");
+            };
+            let all = filter.estimate(0.0).unwrap().covariance_m2;
+            let found = filter.predicted_by_liveliness();
+            (found, all, acceleration_density_m2ps3)
+        };
+        let (found, all, _) = predicted(&settings);
+        assert_eq!(found, [Some(all), None]);
+        settings.calm = Some(CalmMotion {
+            noise_share: 0.1,
+            calming_rate_hz: 2.0,
+            rousing_rate_hz: 1.0,
+        });
+        let ([lively, calm], _, density) = predicted(&settings);
+        let (lively, calm) = (lively.unwrap(), calm.unwrap());
+        let time_s: f64 = 0.2;
+        // One particle, lively at the start: of a Markov chain of two states, and with a jump or without.
+        let stays = 1.0 - 2.0 / 3.0 * (1.0 - (-3.0 * time_s).exp());
+        let jumps = 1.0 - (-time_s).exp();
+        let [kept, jumped] = [(1.0 - jumps) * stays, jumps];
+        let own_m2 = (0.5 * time_s).powi(2);
+        let grown_m2 = |change_m2ps2: f64| own_m2 + change_m2ps2 * time_s.powi(2) / 3.0;
+        let lively_m2 = (kept * grown_m2(density * time_s)
+            + jumped * grown_m2(density * time_s + 9.0))
+            / (kept + jumped);
+        for (found, expected) in [
+            (lively, lively_m2),
+            (calm, grown_m2(0.1 * density * time_s)),
+        ] {
+            for at in [0, 3, 5] {
+                let off = found[at] / expected - 1.0;
+                assert!(off.abs() < 1e-9, "{} for {expected}", found[at]);
+            }
+        }
+    }
 }
