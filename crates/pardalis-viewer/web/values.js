@@ -10,8 +10,10 @@ export class Values {
     this.select = select;
     this.facts = element("dl", { class: "pv-facts", "aria-label": "Values at the present time" });
     this.axes = element("tbody");
-    const columns = ["", "position", "± 2σ", "velocity", "± 2σ"].map((text) => element("th", { scope: "col" }, text));
-    this.vectors = element("table", { class: "pv-vectors" }, element("thead", {}, element("tr", {}, ...columns)), this.axes);
+    const [axis, position, two, speed, twoOfSpeed] = ["", "position", "± 2σ", "", "± 2σ"].map((text) => element("th", { scope: "col" }, text));
+    this.velocityHead = speed;
+    this.velocityHead.title = "velocity";
+    this.vectors = element("table", { class: "pv-vectors" }, element("thead", {}, element("tr", {}, axis, position, two, speed, twoOfSpeed)), this.axes);
     this.body = element("tbody");
     const heads = ["target", "x", "y", "z", "speed"].map((text) => element("th", { scope: "col" }, text));
     this.heads = element("tr", {}, ...heads);
@@ -47,11 +49,13 @@ export class Values {
     if (Number.isFinite(at("radius_m"))) facts.push(["radius", `± ${twoSigma(at("sigma_radius_m") ** 2, units)}`, length(at("radius_m"), units)]);
     this.facts.replaceChildren(...facts.map(([name, more, value]) => element("div", { "data-value": name },
       element("dt", {}, name), element("dd", { class: "pv-more" }, more), element("dd", {}, value))));
+    // Its unit in every row would leave no room for the numbers.
+    this.velocityHead.textContent = `v, ${units}/s`;
     const axes = ["x", "y", "z"].map((axis) => element("tr", { "data-value": axis },
       element("th", { scope: "row" }, axis),
       element("td", {}, length(at(`${axis}_m`), units)),
       element("td", { class: "pv-more" }, Number.isFinite(at(`${axis}_m`)) ? twoSigma(at(`${axis}${axis}_m2`), units) : ""),
-      element("td", {}, unit(number(at(`v${axis}_mps`), 2), `${units}/s`)),
+      element("td", {}, number(at(`v${axis}_mps`), 2)),
       element("td", { class: "pv-more" }, twoSigmaOf(at(`v${axis}${axis}_m2ps2`)))));
     this.axes.replaceChildren(...axes);
   }
