@@ -60,9 +60,16 @@ pub(crate) fn read(
             start.target
         ));
     };
-    let stated_mps = estimate
+    let variances_m2ps2 = estimate
         .velocity_covariance_m2ps2
-        .map(|[xx, _, _, yy, _, zz]| [xx, yy, zz].map(f64::sqrt));
+        .map(|[xx, _, _, yy, _, zz]| [xx, yy, zz]);
+    if variances_m2ps2.is_some_and(|variances| variances.iter().any(|v| *v < 0.0)) {
+        return Err(user_error!(
+            "{name}: the estimate of \"{}\" at {time_s} s has a negative variance of the velocity; needed: 0 or more in vxx_m2ps2, vyy_m2ps2 and vzz_m2ps2",
+            start.target
+        ));
+    }
+    let stated_mps = variances_m2ps2.map(|variances| variances.map(f64::sqrt));
     let given_mps = start.velocity_sigma_mps.map(|sigma_mps| [sigma_mps; 3]);
     let there = GaussianStart {
         position_m: estimate.position_m,

@@ -476,6 +476,12 @@ fn unusable_tracks_are_rejected_as_starts() {
             .track(from_track(1, more))
             .refused(&[place_in_scene, wanted]);
     }
+    let negative = row("0", seen).replace(",,,,,,,,,,,,\n", ",,,,,,,0.1,0,0,0.1,0,-0.1\n");
+    place.write("other/tracks.csv", negative);
+    place.track(from_track(1, "")).refused(&[
+        place_in_scene,
+        "the estimate of \"ball\" at 0 s has a negative variance of the velocity; needed: 0 or more in vxx_m2ps2",
+    ]);
     place.write("other/tracks.csv", row("0", seen));
     place
         .track(from_track(

@@ -55,7 +55,7 @@ impl BernoulliFilter {
             let log_continued = log_located + prediction.log_density(position_m, free_axes);
             let log_prior = log_add(log_continued, log_elsewhere);
             self.new_particles.log_weights[i] =
-                log_weight + way.log_correction() + log_prior - log_proposal;
+                log_weight + way.log_correction + log_prior - log_proposal;
 
             let chance = libm::exp(log_elsewhere - log_prior);
             let was_elsewhere = draws.uniform(particle, observation, Stage::Proposal) < chance;

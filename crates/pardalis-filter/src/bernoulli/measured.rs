@@ -268,7 +268,7 @@ impl BernoulliFilter {
                 velocity_variance_m2ps2: step.velocity_variance_m2ps2,
                 is_calm: way.is_calm,
             };
-            self.new_particles.log_weights[i] = log_weight + way.log_correction();
+            self.new_particles.log_weights[i] = log_weight + way.log_correction;
         }
     }
 

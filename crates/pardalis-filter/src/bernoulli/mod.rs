@@ -523,16 +523,16 @@ impl BernoulliFilter {
         })
     }
 
-    /// Returns the covariances of the predicted positions (xx, xy, xz, yy, yz, zz in m²) of a target that is lively, and of a calm one; `None` if the target cannot be that.
-    /// Call it after [`BernoulliFilter::predict`].
-    pub fn predicted_by_liveliness(&self) -> [Option<[f64; 6]>; 2] {
-        let all = self.estimate(0.0).map(|known| known.covariance_m2);
-        if all.is_none() || self.settings.calm.is_none() {
-            return [all, None];
+    /// Returns the covariances of the predicted positions (xx, xy, xz, yy, yz, zz in m²) of a target that is lively, and of a calm one; `None` of one that is impossible.
+    /// `None` if the target does not exist, or is always lively. Call it after [`BernoulliFilter::predict`].
+    pub fn predicted_by_liveliness(&self) -> Option<[Option<[f64; 6]>; 2]> {
+        if self.located() == 0.0 {
+            return None;
         }
+        self.settings.calm?;
         let dt_s = self.pending_s;
         let ways = self.ways(dt_s);
-        [false, true].map(|is_calm| {
+        Some([false, true].map(|is_calm| {
             // Where each particle is then, the probability of that, and its variance times the probability.
             let shares = self
                 .hypotheses
@@ -563,7 +563,7 @@ impl BernoulliFilter {
                 add_scatter(weighted, sum_m.map(|v| v / total), &mut covariance_m2);
                 covariance_m2
             })
-        })
+        }))
     }
 
     /// Returns the probability that the target, if it exists, was calm at the last update.

@@ -176,8 +176,8 @@ impl Before<'_> {
         ]
     }
 
-    /// Returns the way in which a particle moves, and the share of particles that do: a few in each possible way, regardless of its probability. Of two that are
-    /// neighbours in the cycle of particles that do not jump, another one turns in each update.
+    /// Returns the way in which a particle moves, and the share of particles that do: a few in each possible way, regardless of its probability. In a cycle of particles,
+    /// one that does not jump turns: the next one of them in each update.
     fn way_of(&self, was_calm: bool, number: usize) -> (Way, f64) {
         let ways = self.ways(was_calm);
         let one_in = self.settings.proposal.jump_one_in;

@@ -179,19 +179,16 @@ mod tests {
             else {
                 unreachable!("the default motion has a velocity");
             };
-            let all = filter.estimate(0.0).unwrap().covariance_m2;
-            let found = filter.predicted_by_liveliness();
-            (found, all, acceleration_density_m2ps3)
+            (filter.predicted_by_liveliness(), acceleration_density_m2ps3)
         };
-        let (found, all, _) = predicted(&settings);
-        assert_eq!(found, [Some(all), None]);
+        assert_eq!(predicted(&settings).0, None);
         settings.calm = Some(CalmMotion {
             noise_share: 0.1,
             calming_rate_hz: 2.0,
             rousing_rate_hz: 1.0,
         });
-        let ([lively, calm], _, density) = predicted(&settings);
-        let (lively, calm) = (lively.unwrap(), calm.unwrap());
+        let (found, density) = predicted(&settings);
+        let [lively, calm] = found.unwrap().map(Option::unwrap);
         let time_s: f64 = 0.2;
         // One particle, lively at the start: of a Markov chain of two states, and with a jump or without.
         let stays = 1.0 - 2.0 / 3.0 * (1.0 - (-3.0 * time_s).exp());

@@ -60,18 +60,12 @@ impl CalmMotion {
 pub(super) struct Way {
     /// Its probability.
     pub(super) chance: f64,
-    /// The share of the particles that move like this. Their weights are corrected for it.
+    /// The share of the particles that move like this, and the logarithm of the factor that corrects their weights for it.
     share: f64,
+    pub(super) log_correction: f64,
     pub(super) kinematics: Kinematics,
     /// Whether the target is calm after the step.
     pub(super) is_calm: bool,
-}
-
-impl Way {
-    /// Returns the logarithm of the factor that corrects weights.
-    pub(super) fn log_correction(&self) -> f64 {
-        libm::log(self.chance / self.share)
-    }
 }
 
 /// The ways of a target that was calm, or lively, before the step. Those that are impossible have the probability and the share 0.
@@ -131,28 +125,29 @@ impl BernoulliFilter {
                 0.0
             }
         };
-        let jumped = Way {
-            chance: jump_chance,
-            share: share_of(jump_chance, jump_one_in),
-            kinematics: jumped.unwrap_or(lively),
-            is_calm: false,
+        let way = |chance: f64, share: f64, kinematics: Kinematics, is_calm: bool| Way {
+            chance,
+            share,
+            log_correction: libm::log(chance / share),
+            kinematics,
+            is_calm,
         };
+        let jump_share = share_of(jump_chance, jump_one_in);
+        let jumped = way(jump_chance, jump_share, jumped.unwrap_or(lively), false);
         [false, true].map(|was_calm| {
             let turn_chance = calm.map_or(0.0, |calm| calm.turn_chance(was_calm, dt_s));
             let turn_share = share_of(turn_chance, 2 * jump_one_in);
-            let way = |is_calm: bool, chance: f64, share: f64| Way {
-                chance: (1.0 - jump_chance) * chance,
-                share,
-                kinematics: match calm {
+            let steady = |is_calm: bool, chance: f64, share: f64| {
+                let kinematics = match calm {
                     Some(calm) if is_calm => lively.with_noise(calm.noise_share * lively.noise()),
                     _ => lively,
-                },
-                is_calm,
+                };
+                way((1.0 - jump_chance) * chance, share, kinematics, is_calm)
             };
             let kept_share = 1.0 - jumped.share - turn_share;
             Ways {
-                kept: way(was_calm, 1.0 - turn_chance, kept_share),
-                turned: way(!was_calm, turn_chance, turn_share),
+                kept: steady(was_calm, 1.0 - turn_chance, kept_share),
+                turned: steady(!was_calm, turn_chance, turn_share),
                 jumped,
                 jump_one_in,
                 turning,
