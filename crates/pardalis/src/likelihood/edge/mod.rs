@@ -24,6 +24,7 @@ mod streak_tests;
 mod table;
 #[cfg(test)]
 mod tests;
+mod widening;
 mod yaw;
 
 pub(crate) use detection::{Detection, Detections};
@@ -47,6 +48,7 @@ use patch::Patch;
 use rectangles::Rectangles;
 pub(crate) use size::SizePrior;
 use table::Table;
+pub(crate) use widening::Widening;
 pub(crate) use yaw::YawPrior;
 
 /// Parameters of the edge cue.
@@ -316,22 +318,23 @@ impl EdgeCue {
         (count > 0.0).then(|| ([u / count, v / count], area_px(points)))
     }
 
-    /// Writes the log-likelihood ratio of one camera's frame at each position (world frame, metres): the largest over the detections, each with its
-    /// offset and balanced among the cameras; at least `missed` where the camera has the position in view, and 0 where it does not. In a single camera no position is
+    /// Writes the log-likelihood ratio of one camera's frame at each position (world frame, metres): the largest over the detections, each with what is added to it,
+    /// widened, with its offset and balanced among the cameras; at least `missed` where the camera has the position in view, and 0 where it does not. In a single camera no position is
     /// likelier than the detection itself: poor fits of small outlines may miss the likeliest one, which their weight does not count on.
     pub(crate) fn log_likelihood_ratios<'d>(
         &mut self,
         frame: &EdgeFrame,
-        detections: impl Iterator<Item = (&'d Detection, f32)> + Clone,
+        detections: impl Iterator<Item = (&'d Detection, f32, Option<&'d Widening>)> + Clone,
         [x, y, z]: [&[f32]; 3],
         missed: f32,
         out: &mut [f32],
     ) {
-        let lines = detections.flat_map(|(detection, log_ratio)| {
+        let lines = detections.flat_map(|(detection, log_ratio, widening)| {
             let lines = detection.lines_of(frame.camera());
             lines.map(move |lines| {
                 let log_ratio = log_ratio + detection.balance(lines);
-                (lines, detection, (log_ratio, detection.most(lines)))
+                let most = detection.most(lines);
+                (lines, (detection, widening), (log_ratio, most))
             })
         });
         let has_error = frame.context().offset_sigma_px > 0.0;
@@ -345,10 +348,12 @@ impl EdgeCue {
             let mut best = [missed; LANES];
             if has_lines {
                 let mut projected = None;
-                for (lines, detection, (added, most)) in lines.clone() {
+                for (lines, (detection, widening), (added, most)) in lines.clone() {
                     let stance = detection.stance();
-                    if projected.replace(stance) != Some(stance) {
-                        self.project(frame.projector(), &positions, stance);
+                    if projected.replace((stance, widening)) != Some((stance, widening)) {
+                        let moved = widening.map(|widening| widening.moved(&positions));
+                        let places = moved.as_ref().unwrap_or(&positions);
+                        self.project(frame.projector(), places, stance);
                     }
                     let mut penalties = [0.0; LANES];
                     let mut offsets = None;

@@ -132,7 +132,7 @@ fn likelihoods_with_offsets_are_the_oracles() {
             let mut out = vec![0.0; positions.len()];
             cue.log_likelihood_ratios(
                 &frames[1],
-                std::iter::once((&detection, 0.0)),
+                std::iter::once((&detection, 0.0, None)),
                 columns.each_ref().map(Vec::as_slice),
                 f32::MIN,
                 &mut out,

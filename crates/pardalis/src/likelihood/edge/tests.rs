@@ -240,7 +240,7 @@ fn likelihoods_over_correspondence_lines_are_the_oracles() {
                 column.collect::<Vec<f32>>()
             });
             let mut out = vec![0.0; positions.len()];
-            let detections = std::iter::once((&detection, 0.0));
+            let detections = std::iter::once((&detection, 0.0, None));
             let columns = columns.each_ref().map(Vec::as_slice);
             cue.log_likelihood_ratios(&frame, detections, columns, f32::MIN, &mut out);
             out

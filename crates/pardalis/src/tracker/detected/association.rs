@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::DetectedTarget;
 use super::look_alikes::LookAlikes;
+use super::untriggered::Widened;
 use crate::color::PixelKind;
 use crate::likelihood::edge::{Detection, EdgeFrame};
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
@@ -22,6 +23,8 @@ pub(super) struct AssociatedDetection {
     pub(super) existence_log_ratio: f64,
     /// What each camera adds to the edge cue's log-likelihood ratio at this detection, in nats, so that it compares with clutter.
     pub(super) log_ratio_offset: f32,
+    /// How its likelihood is widened, if it is.
+    pub(super) widened: Option<Widened>,
 }
 
 impl DetectedTarget {
@@ -197,6 +200,7 @@ impl DetectedTarget {
             likeness: likeness - assigned,
             existence_log_ratio,
             log_ratio_offset: ((log_weight - log_volume - log_ratio) / cameras) as f32,
+            widened: None,
         })
     }
 

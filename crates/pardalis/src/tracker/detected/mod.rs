@@ -126,8 +126,6 @@ struct Buffers {
     frames: Vec<EdgeFrame<'static>>,
     associated: Vec<AssociatedDetection>,
     components: Vec<MeasurementComponent>,
-    /// Where particles count if a likelihood is widened, metres.
-    places: [Vec<f32>; 3],
 }
 
 /// Empties a vector of frames; its memory serves frames of another lifetime.
@@ -223,7 +221,6 @@ impl DetectedTarget {
                 frames: Vec::with_capacity(views.len()),
                 associated: Vec::with_capacity(tuning.detection.max_detections),
                 components: Vec::with_capacity(tuning.detection.max_detections),
-                places: [(); 3].map(|()| Vec::with_capacity(settings.particles.max)),
             },
         })
     }
@@ -353,7 +350,7 @@ impl DetectedTarget {
         );
 
         let cameras = frames.iter().map(EdgeFrame::camera);
-        let widened = self.widen((cameras.clone(), time_s), &predicted, &mut associated);
+        self.widen(cameras.clone(), time_s, &mut associated);
         let detections = self.detector.detections();
         let rates = &self.existence.occlusion;
         Visibility::predict_in(&mut self.visibilities, cameras, rates, time_s);
@@ -365,23 +362,18 @@ impl DetectedTarget {
             region: self.existence.region,
             near_m: self.tuning.existence.near_diameters * self.diameter_m(),
             missed: -self.tuning.existence.missed_nats,
-            widened: widened.as_ref(),
         };
-        let Buffers {
-            components, places, ..
-        } = &mut self.buffers;
         let updated = update(
             &mut self.filter,
             &mut self.edge,
             &measurement,
             &mut self.log_ratios,
-            (components, places),
+            &mut self.buffers.components,
         );
 
         self.buffers.frames = emptied(frames);
         let target = updated.target.map(|number| &associated[number]);
-        let is_widened = widened.is_some_and(|w| updated.target == Some(w.associated));
-        self.take(target, is_widened, &predicted, time_s);
+        self.take(target, &predicted, time_s);
         let detections = self.detector.detections();
         for &(camera, _) in instant.frames {
             let detection = target.map(|target| &detections[target.detection]);
@@ -683,7 +675,8 @@ impl DetectedTarget {
         let mut kinematics = self.filter.estimate(ahead_s).filter(|_| is_known);
         if let (Some(known), Some(detected)) = (&mut kinematics, &self.detected) {
             // The smaller the effective sample size, the less the scatter of the particles says.
-            for (sum, variance) in known.covariance_m2.iter_mut().zip(detected.covariance_m2) {
+            let detected_m2 = self.sights.position_m2(detected.covariance_m2);
+            for (sum, variance) in known.covariance_m2.iter_mut().zip(detected_m2) {
                 *sum += variance / known.effective_sample_size;
             }
         }

@@ -25,8 +25,6 @@ pub(super) struct Measurement<'a> {
     pub(super) near_m: f64,
     /// The log-likelihood ratio of a frame in which a visible target is nowhere near a detection, nats.
     pub(super) missed: f32,
-    /// How the likelihood is widened, if it is.
-    pub(super) widened: Option<&'a Widened>,
 }
 
 /// What the update found.
@@ -36,13 +34,13 @@ pub(super) struct Updated {
     pub(super) target: Option<usize>,
 }
 
-/// Runs the update. Writes each camera's log-likelihood ratios, one per particle, into `log_ratios`; `components` and `places` are buffers.
+/// Runs the update. Writes each camera's log-likelihood ratios, one per particle, into `log_ratios`; `components` is a buffer.
 pub(super) fn update(
     filter: &mut BernoulliFilter,
     edge: &mut EdgeCue,
     measurement: &Measurement,
     log_ratios: &mut [Vec<f32>],
-    (components, places): (&mut Vec<MeasurementComponent>, &mut [Vec<f32>; 3]),
+    components: &mut Vec<MeasurementComponent>,
 ) -> Updated {
     let Measurement {
         frames,
@@ -52,24 +50,18 @@ pub(super) fn update(
         region,
         near_m,
         missed,
-        widened,
     } = *measurement;
     components.clear();
     components.extend(associated.iter().map(|associated| associated.component));
     let max_log_ratio = max_existence_log_ratio(filter, edge, measurement);
     let detections = associated.iter().map(|associated| {
         let detection = &detections[associated.detection];
-        (detection, associated.log_ratio_offset)
+        let widening = associated.widened.as_ref().map(Widened::widening);
+        (detection, associated.log_ratio_offset, widening)
     });
     filter.update(components, max_log_ratio, |particles, out| {
         out.fill(0.0);
-        if let Some(widened) = widened {
-            widened.move_places(particles.positions_m(), places);
-        }
-        let positions_m = match widened {
-            Some(_) => places.each_ref().map(Vec::as_slice),
-            None => particles.positions_m(),
-        };
+        let positions_m = particles.positions_m();
         for frame in frames {
             let of_camera = &mut log_ratios[frame.camera()];
             of_camera.clear();
@@ -82,7 +74,7 @@ pub(super) fn update(
                 *sum += visibility.mixture_log_ratio(log_ratio);
             }
         }
-        let [x, y, z] = particles.positions_m();
+        let [x, y, z] = positions_m;
         for (particle, sum) in out.iter_mut().enumerate() {
             if !region.contains([x, y, z].map(|column| f64::from(column[particle]))) {
                 *sum -= OUTSIDE_NATS;
