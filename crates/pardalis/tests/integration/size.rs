@@ -226,7 +226,7 @@ fn track_apart(
             if frame >= covered_from {
                 let rows = |v: &usize| (0..320).any(|u| mask[320 * v + u]);
                 let (first, last) = ((0..240).find(rows), (0..240).rfind(rows));
-                let middle = (first.unwrap() + last.unwrap()) / 2;
+                let middle = usize::midpoint(first.unwrap(), last.unwrap());
                 rgb[3 * 320 * middle..].fill(128);
             }
             let image = Frame::from_rgb(320, 240, rgb, time_s).unwrap();
