@@ -1,8 +1,15 @@
 // The picture of a camera, with what is drawn over it. Points and boxes are given with the mouse or with the keyboard.
 
-import { el } from "./elements.js";
+import { button, el } from "./elements.js";
 
 const DRAG_PX = 6;
+/** How much a picture is magnified at most, and by a turn of the wheel or a key. */
+const MOST_ZOOM = 32;
+const ZOOM_STEP = 1.25;
+
+/** How much of each camera's picture is shown, in all steps: how much it is magnified, and the middle of that as shares of its width and height. */
+const views = new Map();
+const WHOLE = { zoom: 1, middle: [0.5, 0.5] };
 
 /**
  * A picture. `point([u, v])` and `box([[u, v], [u, v]])` are called, if given, for clicks and drags; pixel centres are at integers.
@@ -16,9 +23,14 @@ export class Picture {
     this.cursor = null;
     this.corner = null;
     this.drag = null;
-    this.canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": `Picture of camera ${name}. ${help}` });
+    this.canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": `Picture of camera ${name}. Plus and minus magnify it, 0 shows all of it. ${help}` });
     this.caption = el("figcaption", {}, name);
-    this.element = el("figure", { class: "picture waits", "data-camera": name }, this.canvas, this.caption);
+    this.zoomed = el("span");
+    const zoom = (sign, label, factor) => button(sign, () => this.#zoom(factor), { "aria-label": `${label} the picture of ${name}`, title: `${label} (mouse wheel)` });
+    const whole = button(this.zoomed, () => this.#zoom(0), { class: "whole", title: "Key 0" });
+    const buttons = el("div", { class: "zoom" }, whole, zoom("−", "Reduce", 1 / ZOOM_STEP ** 2), zoom("+", "Magnify", ZOOM_STEP ** 2));
+    this.element = el("figure", { class: "picture waits", "data-camera": name }, this.canvas, buttons, this.caption);
+    this.canvas.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
     this.canvas.addEventListener("pointerdown", (event) => this.#down(event));
     this.canvas.addEventListener("pointermove", (event) => this.#move(event));
     this.canvas.addEventListener("pointerup", (event) => this.#up(event));
@@ -59,8 +71,11 @@ export class Picture {
       [canvas.width, canvas.height] = size;
     }
     const context = canvas.getContext("2d");
-    const zoom = canvas.width / image.width;
-    context.setTransform(zoom, 0, 0, zoom, 0, 0);
+    const { left, top, magnified } = this.#shown();
+    const zoom = (magnified * canvas.width) / image.width;
+    this.element.classList.toggle("magnified", magnified > 1);
+    this.zoomed.textContent = `Whole picture (${magnified.toFixed(magnified < 10 ? 1 : 0)}×)`;
+    context.setTransform(zoom, 0, 0, zoom, -left * zoom, -top * zoom);
     context.imageSmoothingEnabled = zoom < 3;
     context.drawImage(image, 0, 0);
     // From the corners of pixels to their centres.
@@ -71,7 +86,7 @@ export class Picture {
   }
 
   #drawPointer(context, px) {
-    const box = this.drag?.isBox ? [this.drag.from, this.drag.to] : this.corner && this.cursor && [this.corner, this.cursor];
+    const box = this.drag?.isFar && !this.drag.moves ? [this.drag.from, this.drag.to] : this.corner && this.cursor && [this.corner, this.cursor];
     for (const [color, width] of [["#000a", 3.5], ["#fff", 1.5]]) {
       context.strokeStyle = color;
       context.lineWidth = width * px;
@@ -91,39 +106,102 @@ export class Picture {
     }
   }
 
+  /** The upper left corner of what is shown, in pixels, and how much it is magnified. */
+  #shown() {
+    const { zoom, middle } = views.get(this.name) ?? WHOLE;
+    const [left, top] = [this.image.width, this.image.height].map((side, axis) => {
+      const shown = side / zoom;
+      return Math.min(Math.max(middle[axis] * side - shown / 2, 0), side - shown);
+    });
+    return { left, top, magnified: zoom };
+  }
+
+  /** Magnifies by a factor and keeps a pixel where it is on the screen, or shows a pixel in the middle. */
+  #show(factor, pixel, isMiddle = false) {
+    const { left, top, magnified } = this.#shown();
+    const zoom = Math.min(Math.max(factor * magnified, 1), MOST_ZOOM);
+    const middle = [[left, this.image.width], [top, this.image.height]].map(([first, side], axis) => {
+      const at = pixel[axis] + 0.5;
+      const from = isMiddle ? 0 : (first + side / magnified / 2 - at) * (magnified / zoom);
+      return (at + from) / side;
+    });
+    views.set(this.name, { zoom, middle });
+    // What is beyond the border of the image does not count.
+    const shown = this.#shown();
+    views.set(this.name, { zoom, middle: [(shown.left + this.image.width / zoom / 2) / this.image.width, (shown.top + this.image.height / zoom / 2) / this.image.height] });
+    this.redraw();
+  }
+
+  /** Magnifies at the cross or in the middle; a factor of 0 shows the whole picture. */
+  #zoom(factor) {
+    if (!this.image) return;
+    const { left, top, magnified } = this.#shown();
+    const middle = [left + this.image.width / magnified / 2 - 0.5, top + this.image.height / magnified / 2 - 0.5];
+    this.#show(factor, this.cursor ?? middle);
+  }
+
+  #wheel(event) {
+    if (!this.image || event.ctrlKey || event.deltaY === 0) return;
+    event.preventDefault();
+    // Touch pads send many small turns.
+    const turns = event.deltaMode === 0 ? Math.min(Math.max(-event.deltaY / 100, -1), 1) : -Math.sign(event.deltaY);
+    this.#show(ZOOM_STEP ** turns, this.#pixel(event));
+  }
+
   #pixel({ clientX, clientY }) {
     const room = this.canvas.getBoundingClientRect();
-    const scale = this.image.width / room.width;
-    return [(clientX - room.left) * scale - 0.5, (clientY - room.top) * scale - 0.5];
+    const { left, top, magnified } = this.#shown();
+    const scale = this.image.width / room.width / magnified;
+    return [left + (clientX - room.left) * scale - 0.5, top + (clientY - room.top) * scale - 0.5];
   }
 
   #down(event) {
-    if (!this.image || event.button !== 0 || !(this.point || this.box)) return;
+    if (!this.image || event.button > 1) return;
     const from = this.#pixel(event);
-    this.drag = { from, to: from, at: [event.clientX, event.clientY], isBox: false };
+    const isMagnified = this.#shown().magnified > 1;
+    const moves = isMagnified && (event.button === 1 || event.shiftKey || !this.box);
+    if (!moves && (event.button === 1 || !(this.point || this.box))) return;
+    if (event.button === 1) event.preventDefault();
+    this.drag = { from, to: from, at: [event.clientX, event.clientY], moves, isFar: false, isPoint: event.button === 0 };
     this.canvas.setPointerCapture(event.pointerId);
   }
 
   #move(event) {
-    if (!this.drag) return;
-    const [x, y] = this.drag.at;
-    this.drag.to = this.#pixel(event);
-    this.drag.isBox ||= this.box && Math.hypot(event.clientX - x, event.clientY - y) > DRAG_PX;
-    if (this.drag.isBox) this.redraw();
+    const { drag } = this;
+    if (!drag) return;
+    const [x, y] = drag.at;
+    drag.isFar ||= (drag.moves || this.box) && Math.hypot(event.clientX - x, event.clientY - y) > DRAG_PX;
+    drag.to = this.#pixel(event);
+    if (!drag.isFar) return;
+    if (drag.moves) this.#pan(drag);
+    else this.redraw();
+  }
+
+  /** Moves the picture so that the pixel that was taken is below the pointer. */
+  #pan({ from, to }) {
+    const { left, top, magnified } = this.#shown();
+    const middle = [left + this.image.width / magnified / 2, top + this.image.height / magnified / 2];
+    this.#show(1, middle.map((at, axis) => at + from[axis] - to[axis] - 0.5), true);
   }
 
   #up() {
     const { drag } = this;
     this.drag = null;
     if (!drag) return;
-    if (drag.isBox) this.box([drag.from, drag.to]);
-    else this.point?.(drag.from);
+    if (drag.isFar && !drag.moves) this.box([drag.from, drag.to]);
+    else if (!drag.isFar && drag.isPoint) this.point?.(drag.from);
     this.redraw();
   }
 
-  /** Arrows move a cross, Enter points, B begins and ends a box, Escape leaves. */
+  /** Plus and minus magnify, 0 shows all. Arrows move a cross, Enter points, B begins and ends a box, Escape leaves. */
   #key(event) {
-    if (!this.image || !(this.point || this.box) || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (!this.image || event.ctrlKey || event.altKey || event.metaKey) return;
+    const factor = { "+": ZOOM_STEP, "-": 1 / ZOOM_STEP, 0: 0 }[event.key];
+    if (factor !== undefined) {
+      event.preventDefault();
+      return this.#zoom(factor);
+    }
+    if (!(this.point || this.box)) return;
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     const middle = [Math.round(this.image.width / 2), Math.round(this.image.height / 2)];
     if (arrows[event.key]) {
@@ -145,7 +223,17 @@ export class Picture {
       return;
     }
     event.preventDefault();
+    this.#follow();
     this.redraw();
+  }
+
+  /** Shows the cross if it has left what is shown. */
+  #follow() {
+    if (!this.cursor) return;
+    const { left, top, magnified } = this.#shown();
+    const [u, v] = this.cursor;
+    const isShown = u >= left && v >= top && u < left + this.image.width / magnified && v < top + this.image.height / magnified;
+    if (!isShown) this.#show(1, this.cursor, true);
   }
 }
 

@@ -161,6 +161,71 @@ def test_the_keyboard_does_it_all_and_every_edit_can_be_undone(studio, tmp_path)
     assert (tmp_path / "scene.toml").read_text() == texts[1]
 
 
+def test_small_balls_are_magnified_and_clicked(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "frames")
+    shutil.copy(DATA / "dioptric-jump/camera.json", tmp_path / "camera.json")
+    one = studio(".")
+    page = one.page
+    one.step("colors")
+    truth = truth_of("dioptric-jump")
+    ball_px = lambda frame: [float(truth[frame][axis]) for axis in ("u_px", "v_px")]
+    labelled = lambda: [sample["outline_px"] for sample in one.ask("state")["targets"][0]["samples"]]
+
+    def is_ball(outline_px, frame):
+        middle = [sum(axis) / len(outline_px) for axis in zip(*outline_px)]
+        return max(abs(a - b) for a, b in zip(middle, ball_px(frame))) < 1
+
+    # The wheel magnifies what is below the pointer, which stays there.
+    picture = page.locator("[data-camera=cam1]")
+    whole = picture.locator(".whole")
+    at = one.at("cam1", ball_px(0), (640, 480))
+    expect(whole).to_be_hidden()
+    page.mouse.move(*at)
+    for text in ("1.3×", "1.6×", "2.0×", "2.4×", "3.1×", "3.8×", "4.8×", "6.0×", "7.5×", "9.3×", "12×", "15×"):
+        page.mouse.wheel(0, -100)
+        expect(whole).to_have_text(f"Whole picture ({text})")
+    page.mouse.click(*at)
+    expect(page.locator("#labels li")).to_have_count(1)
+    assert is_ball(labelled()[0], 0)
+    # With Shift the picture is moved, not too far, and a drag is a box as before.
+    one.show("cam1", 1)
+    scale = picture.locator("canvas").bounding_box()["width"] / 640 * 1.25**12
+    to = [a + scale * (b - c) for a, b, c in zip(at, ball_px(1), ball_px(0))]
+    page.keyboard.down("Shift")
+    page.mouse.move(*to)
+    page.mouse.down()
+    page.mouse.move(to[0] - 60, to[1] + 40, steps=3)
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    for text in ("12×", "9.3×", "7.5×", "6.0×", "4.8×"):
+        page.mouse.wheel(0, 100)
+        expect(whole).to_have_text(f"Whole picture ({text})")
+    half = 12 * scale / 1.25**5
+    page.mouse.move(to[0] - 60 - half, to[1] + 40 - half)
+    page.mouse.down()
+    page.mouse.move(to[0] - 60 + half, to[1] + 40 + half, steps=3)
+    page.mouse.up()
+    expect(page.locator("#labels li")).to_have_count(2)
+    assert is_ball(labelled()[1], 1)
+    # Keys do it, too, and the cross stays in view.
+    picture.locator("canvas").focus()
+    page.keyboard.press("0")
+    expect(whole).to_be_hidden()
+    one.show("cam1", 2)
+    picture.locator("canvas").focus()
+    for axis, keys in enumerate((("ArrowLeft", "ArrowRight"), ("ArrowUp", "ArrowDown"))):
+        off = round(ball_px(2)[axis]) - (320, 240)[axis]
+        page.keyboard.press("+")
+        for _ in range(abs(off)):
+            page.keyboard.press(keys[off > 0])
+    page.keyboard.press("Enter")
+    expect(page.locator("#labels li")).to_have_count(3)
+    assert is_ball(labelled()[2], 2)
+    expect(whole).to_have_text("Whole picture (1.6×)")
+    whole.click()
+    expect(whole).to_be_hidden()
+
+
 def test_edits_keep_their_order_and_late_answers_replace_no_later_state(studio, tmp_path):
     shutil.copytree(DATA / "dioptric-jump", tmp_path / "dioptric-jump")
     one = studio(str(tmp_path / "dioptric-jump"))
