@@ -98,6 +98,30 @@ impl Results {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let page = write_page(arguments)?;
+    print(page.shown());
+    if !arguments.no_open
+        && let Err(error) = open::that_detached(&page)
+    {
+        warn(format!(
+            "no browser can be opened here ({error}); open the page yourself"
+        ));
+    }
+    Ok(())
+}
+
+/// Writes the comparison of a run with another beside the rows of the first; returns the page.
+#[cfg(feature = "studio")]
+pub(crate) fn write_comparison(tracks: &Path, other: &Path) -> Result<PathBuf> {
+    write_page(&Arguments {
+        tracks: tracks.to_owned(),
+        other: Some(other.to_owned()),
+        output: None,
+        no_open: true,
+    })
+}
+
+fn write_page(arguments: &Arguments) -> Result<PathBuf> {
     let results = Results::of(&arguments.tracks)?;
     let other = arguments.other.as_deref().map(Results::of).transpose()?;
     let page = match &arguments.output {
@@ -141,15 +165,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         comparison,
         notes,
     )?;
-    print(page.shown());
-    if !arguments.no_open
-        && let Err(error) = open::that_detached(&page)
-    {
-        warn(format!(
-            "no browser can be opened here ({error}); open the page yourself"
-        ));
-    }
-    Ok(())
+    Ok(page)
 }
 
 /// Compares two runs, which are called so.

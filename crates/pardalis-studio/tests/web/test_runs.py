@@ -137,7 +137,14 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
     for value in page.locator("#viewer .pv-plot").filter(has_text="m)").all():
         expect(value).to_contain_text(re.compile(r"\d\.\d+ · .?\d\.\d+"))
     # The same figures as `pardalis view` of the two folders.
+    page.click("#write-comparison")
+    expect(page.locator("#messages")).to_contain_text("Written to scene-tracks/comparison.html")
+    written = jump / "scene-tracks/comparison.html"
+    by_studio = written.read_bytes()
+    written.unlink()
+    # It is that of the command line.
     run("view", "scene-tracks", "scene-tracks/earlier/1", "--no-open", folder=jump)
+    assert written.read_bytes() == by_studio
     data = (jump / "scene-tracks/comparison.html").read_text().split('id="data">')[1].split("</script>")[0]
     shown = one.ask("compare", {"run": 1})
     assert shown["targets"] == json.loads(data)["comparison"]["targets"]

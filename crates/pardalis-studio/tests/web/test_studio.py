@@ -625,6 +625,11 @@ def test_a_camera_that_is_not_there_is_tried_until_it_is(studio, tmp_path):
         assert summary["cameras"]["cam1"]["reopened"] == 0
         one.step("sources")
         expect(one.page.locator("figcaption")).to_contain_text(rate)
+        # It may get another name.
+        one.page.fill("#name-cam1", "over the door")
+        one.page.keyboard.press("Enter")
+        expect(one.page.locator("[data-camera=over-the-door] figcaption")).to_contain_text(rate)
+        assert camera.poll() is None
     finally:
         camera.kill()
         camera.wait()
@@ -838,6 +843,21 @@ def test_names_may_be_typed_with_spaces_and_tabs_follow_the_cameras(studio, tmp_
     page.keyboard.type("pink ball")
     page.keyboard.press("Enter")
     expect(page.locator("#panel .hint")).to_contain_text("Click pink-ball")
+    # A camera keeps its labels when it gets another name.
+    truth = next(row for row in truth_of("webcams-two") if row["camera"] == "cam1")
+    one.ask("label", {"camera": "camera", "target": "pink-ball", "at_px": [float(truth["u_px"]), float(truth["v_px"])]})
+    one.step("sources")
+    page.fill("#name-camera", "window")
+    page.keyboard.press("Enter")
+    expect(page.locator("[data-camera=window]:not(.waits)")).to_be_visible()
+    for wrong, reason in [("camera-2", "is in the scene already"), ("Tür", "allowed: 1 to 64 of the characters")]:
+        page.fill("#name-window", wrong)
+        page.keyboard.press("Enter")
+        expect(page.locator(".message.error")).to_contain_text(reason)
+        expect(page.locator("#name-window")).to_have_value("window")
+        one.errors.clear()
+    one.step("colors")
+    expect(page.locator("#labels li .entry")).to_have_text("window, frame 0")
     # What a camera leaves is no tab.
     expect(page.locator("#tab-camera-2")).to_be_visible()
     one.ask("remove", {"kind": "cameras", "name": "camera-2"})

@@ -1,6 +1,6 @@
 // Settings that are changed between runs, and the comparison of the last run with an earlier one.
 
-import { choice, disclosure, el, field } from "../elements.js";
+import { button, choice, disclosure, el, field } from "../elements.js";
 
 /** What tells an earlier run from the last: its settings that differ. */
 function optionOf({ number, settings }) {
@@ -9,14 +9,18 @@ function optionOf({ number, settings }) {
   return [String(number), `run ${number}${text && ": "}${text}`];
 }
 
-/** The choice of a run to compare with; `chosen` is its number or null, and `comparison` what came of it. */
+/** The choice of a run to compare with; `chosen` is its number or null, and `comparison` what came of it. Below it, a page of the comparison is written. */
 export function compareControl(app, chosen, comparison, pick) {
   const { earlier } = app.state.run ?? {};
   if (!earlier?.length) return null;
   const options = [["", "no other run"], ...[...earlier].reverse().map(optionOf)];
   const select = choice(options, String(chosen ?? ""), (value) => pick(value ? Number(value) : null), { id: "compare-with" });
   const outlines = comparison?.has_other_cameras ? "It had other cameras, so that its outlines are not drawn into the pictures." : "Its outlines are orange in the pictures of the replay, too.";
-  return field("Compare with", select, chosen && `The other run is orange, and dashed in plots and in 3D. ${outlines}`);
+  const write = () => app.change("write_comparison", { run: chosen }).then((answer) => answer && app.say(`Written to ${answer.page}: one file, which can be sent.`));
+  return [
+    field("Compare with", select, chosen && `The other run is orange, and dashed in plots and in 3D. ${outlines}`),
+    chosen && el("p", { class: "row" }, button("Write a page of the comparison", write, { id: "write-comparison" })),
+  ];
 }
 
 /** Sets a number in the scene. A field with one that is refused shows the present one again. */

@@ -43,6 +43,21 @@ function entryOf(app, { name, path, kind }) {
   );
 }
 
+/** What is in the scene, with a field for its name. */
+function addedOf(app, { name, input }) {
+  const rename = () => {
+    const wanted = field.value.trim().replace(/\s+/g, "-");
+    if (wanted === name) return;
+    app.change("rename_camera", { camera: name, name: wanted }).then((answer) => {
+      if (answer) return app.select("camera", wanted);
+      const again = document.getElementById(field.id);
+      if (again) again.value = name;
+    });
+  };
+  const field = el("input", { type: "text", class: "name-of", id: `name-${name}`, value: name, spellcheck: "false", "aria-label": `Name of ${name}`, title: "Type another name", onchange: rename });
+  return el("li", {}, field, el("span", { class: "name", title: input }, input), button("Remove", () => app.change("remove", { kind: "cameras", name }), { "aria-label": `Remove ${name}` }));
+}
+
 /** The field for the rate of a folder of images, which carry no times. */
 function rateOf(app, { name, fps }) {
   const input = el("input", { type: "number", id: `fps-${name}`, min: 0, step: "any", value: fps, onchange: () => setNumber(app, `cameras.${name}.fps`, Number(input.value)) });
@@ -70,9 +85,7 @@ export const sources = {
   render(app) {
     if (!listing) list(app);
     const address = el("input", { type: "text", id: "address", placeholder: "rtsp://…, http://… or /dev/video0", spellcheck: "false" });
-    const added = app.state.cameras.map(({ name, input }) =>
-      el("li", {}, el("span", { class: "name", title: input }, el("strong", {}, name), " ", input), button("Remove", () => app.change("remove", { kind: "cameras", name }), { "aria-label": `Remove ${name}` })),
-    );
+    const added = app.state.cameras.map((camera) => addedOf(app, camera));
     const rates = app.state.cameras.filter(({ fps }) => fps !== null).map((camera) => rateOf(app, camera));
     const found = (devices ?? []).map(({ input, name }) => el("li", {}, el("span", { class: "name" }, el("strong", {}, name), " ", input), button("Add", () => add(app, input), { "aria-label": `Add ${name}` })));
     const entries = (listing?.entries ?? []).filter(({ kind }) => ["folder", "video", "image", "recording"].includes(kind));

@@ -11,7 +11,7 @@ use super::pose::{KnownPoints, OfCamera, OnFloor};
 use super::rig::{RigOf, RigStop};
 use super::runs::{OtherRun, Tracked};
 use super::session::Session;
-use super::steps::{Calibrated, Guessed, Label};
+use super::steps::{Calibrated, Guessed, Label, Renamed};
 use super::targets::{NewTarget, OfTarget, SetNumber, Shaped};
 use crate::commands::devices;
 use crate::user_error::user_error;
@@ -114,6 +114,7 @@ impl Session {
                 let removed: Removed = read(value)?;
                 self.remove(&removed.kind, &removed.name)?;
             }
+            "rename_camera" => self.rename_camera(&read::<Renamed>(value)?)?,
             "set_fov" => self.set_fov(&read::<Guessed>(value)?)?,
             "set_calibration" => {
                 if let Some(names) = self.set_calibration(&read::<Calibrated>(value)?)? {
@@ -155,6 +156,7 @@ impl Session {
             }
             "set_number" => self.set_number(&read::<SetNumber>(value)?)?,
             "compare" => return self.compare(&read::<OtherRun>(value)?),
+            "write_comparison" => return self.write_comparison(&read::<OtherRun>(value)?),
             "rows" => return Ok(self.rows(read::<Rows>(value)?.from)),
             "undo" => {
                 read::<Nothing>(value)?;

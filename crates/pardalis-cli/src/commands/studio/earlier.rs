@@ -60,6 +60,16 @@ fn read_summary(folder: &Path) -> Option<Value> {
     serde_json::from_slice(&text).ok()
 }
 
+/// Returns the folder of an earlier run among the results in a folder.
+///
+/// Errors: it is not kept any more.
+pub(super) fn place_of(folder: &Path, number: usize) -> Result<PathBuf> {
+    let mut runs = comparable(folder).into_iter();
+    let found = runs.find(|(other, _)| *other == number);
+    let missing = || user_error!("run {number}: is not kept any more; choose another");
+    found.map(|(_, place)| place).ok_or_else(missing)
+}
+
 /// Compares the last run, whose results are in a folder, with an earlier one, and draws the outlines of that over the images as well; none for no number.
 pub(super) fn compare(
     folder: &Path,
@@ -75,15 +85,10 @@ pub(super) fn compare(
         show(Outlined::default());
         return Ok(json!({}));
     };
-    let runs = comparable(folder);
-    let Some((_, place)) = runs.iter().find(|(other, _)| *other == number) else {
-        return Err(user_error!(
-            "run {number}: is not kept any more; choose another"
-        ));
-    };
-    let last = runs.last().map_or(1, |(last, _)| last + 1);
+    let place = place_of(folder, number)?;
+    let last = comparable(folder).last().map_or(1, |(last, _)| last + 1);
     let names = [last, number].map(|number| format!("run {number}"));
-    let folders = [folder, place];
+    let folders = [folder, &*place];
     let summaries = folders.map(read_summary);
     let rows = folders.map(|folder| folder.join(ROWS));
     let [ours, theirs] = [0, 1].map(|run| Compared {

@@ -48,6 +48,37 @@ pub(super) fn without(text: &str, kind: &str, name: &str) -> Result<String> {
     Ok(with_guesses(&document.to_string()))
 }
 
+/// Returns the text with another name of a camera. Its tables stay where they are.
+pub(super) fn with_camera_name(text: &str, name: &str, new: &str) -> Result<String> {
+    let mut document = parsed(text)?;
+    let cameras = document
+        .get_mut("cameras")
+        .and_then(Item::as_table_like_mut);
+    let cameras = cameras.filter(|cameras| cameras.contains_key(name));
+    let cameras = cameras.ok_or_else(|| user_error!("cameras.{name}: is not in the scene"))?;
+    if cameras.contains_key(new) {
+        return Err(user_error!(
+            "cameras.{new}: is in the scene already; choose another name"
+        ));
+    }
+    // In the order in which they are: that of tables of one line is not theirs.
+    let names: Vec<String> = cameras.iter().map(|(key, _)| key.to_owned()).collect();
+    for key in names {
+        let (Some(decor), Some(item)) = (
+            cameras.key(&key).map(|key| key.leaf_decor().clone()),
+            cameras.remove(&key),
+        ) else {
+            continue;
+        };
+        let key = if key == name { new } else { &key };
+        cameras.insert(key, item);
+        if let Some(mut key) = cameras.key_mut(key) {
+            *key.leaf_decor_mut() = decor;
+        }
+    }
+    Ok(with_guesses(&document.to_string()))
+}
+
 /// Returns the text with a value under a path of keys. A mark that says that the value before was a guess is removed, and tables that are missing are
 /// added.
 pub(super) fn with_value(text: &str, path: &[&str], value: impl Into<Value>) -> Result<String> {
@@ -272,6 +303,31 @@ colors = \"ball.colors.toml\"  # orange
         );
         let error = without(&text, "targets", "ball").unwrap_err();
         assert_eq!(error.to_string(), "targets.ball: is not in the scene");
+    }
+
+    #[test]
+    fn a_camera_gets_another_name_and_all_else_stays() {
+        let two = format!("{SCENE}\n# The other.\n[cameras.right]\nvideo = \"b.mp4\"\n");
+        let text = with_camera_name(&two, "left", "door").unwrap();
+        let without_list = text.split("guessed = [").next().unwrap().len();
+        let end = text.find("[cameras.door]").unwrap();
+        let expected = two
+            .replace("cameras.left", "cameras.door")
+            .split_off(two.find("[cameras.left]").unwrap());
+        assert!(without_list < end && text[end..] == expected, "{text}");
+        assert!(
+            text.contains("\"cameras.door.model.pinhole.f_px\""),
+            "{text}"
+        );
+        let dotted = "cameras.a.fps = 5  # slow\ncameras.b.fps = 6\n";
+        assert_eq!(
+            with_camera_name(dotted, "a", "c").unwrap(),
+            "cameras.c.fps = 5  # slow\ncameras.b.fps = 6\n"
+        );
+        for (old, new, expected) in [("up", "new", "is not in"), ("left", "right", "already")] {
+            let error = with_camera_name(&two, old, new).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
     }
 
     #[test]

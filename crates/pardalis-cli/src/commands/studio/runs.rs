@@ -1,6 +1,6 @@
 //! Runs of the scene of a session.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Weak};
 
 use anyhow::Result;
@@ -10,9 +10,11 @@ use serde_json::{Value, json};
 
 use super::earlier;
 use super::edits::with_images;
+use super::replay::Replay;
 use super::running::{Running, Wanted};
 use super::session::Session;
 use super::waved::Waved;
+use crate::commands::view;
 use crate::output::Shown as _;
 use crate::scene;
 use crate::tracking::{RecordedCamera, Recording, Watch};
@@ -161,16 +163,28 @@ impl Session {
 
     /// Compares the last run with an earlier one.
     pub(super) fn compare(&self, other: &OtherRun) -> Result<Value> {
+        let (folder, replay) = self.ended()?;
+        earlier::compare(&folder, replay.as_deref(), other.run)
+    }
+
+    /// Writes the page of such a comparison.
+    pub(super) fn write_comparison(&self, other: &OtherRun) -> Result<Value> {
+        let (folder, _) = self.ended()?;
+        let number = other
+            .run
+            .ok_or_else(|| user_error!("choose a run to compare with first"))?;
+        let page = view::write_comparison(&folder, &earlier::place_of(&folder, number)?)?;
+        Ok(json!({ "page": page.shown() }))
+    }
+
+    /// Returns the folder of the last run, and what is replayed of it.
+    ///
+    /// Errors: none has ended.
+    fn ended(&self) -> Result<(PathBuf, Option<Arc<Replay>>)> {
         let inner = self.inner();
         let running = inner.running.as_ref().filter(|running| !running.goes_on());
         let ended = running.map(|run| (run.folder().to_owned(), run.replay()));
-        drop(inner);
-        let Some((folder, replay)) = ended else {
-            return Err(user_error!(
-                "no run has ended here yet; press Track, or wait"
-            ));
-        };
-        earlier::compare(&folder, replay.as_deref(), other.run)
+        ended.ok_or_else(|| user_error!("no run has ended here yet; press Track, or wait"))
     }
 
     /// Returns rows of the run.

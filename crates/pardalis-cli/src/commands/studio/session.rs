@@ -191,11 +191,18 @@ impl Session {
                 }
             }
         }
-        let is_wanted = |name: &String, player: &mut Player| {
-            wanted.get(name).is_some_and(|config| player.shows(config))
+        let is_unwanted = |name: &String, player: &mut Player| {
+            !wanted.get(name).is_some_and(|config| player.shows(config))
         };
-        inner.players.retain(is_wanted);
+        let unwanted: Vec<_> = inner.players.extract_if(.., is_unwanted).collect();
         let mut open = std::mem::take(&mut inner.open);
+        for (_, player) in unwanted {
+            // A camera that has got another name.
+            let is_renamed = wanted.values().any(|config| player.shows(config));
+            if is_renamed && player.is_live() {
+                open.extend(player.into_source());
+            }
+        }
         for (name, config) in wanted {
             if inner.players.contains_key(&name) {
                 continue;

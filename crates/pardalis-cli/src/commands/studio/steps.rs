@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis_camera::Camera;
-use pardalis_scene::Scene;
+use pardalis_scene::{NAMES_ALLOWED, Scene, is_name};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::edits::{with_lens, with_table, without};
+use super::edits::{with_camera_name, with_lens, with_table, without};
 use super::places::is_device;
+use super::running::Running;
 use super::session::{Inner, Session};
 use crate::commands::init::text::{Calibration, CameraText, target_text};
 use crate::commands::init::{self, Fov, Input, Model, Opened};
@@ -21,6 +22,13 @@ use crate::scene::{self, problems_in};
 use crate::scene_files::read_calibration;
 use crate::source::Source;
 use crate::user_error::{SingleImages, user_error};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Renamed {
+    camera: String,
+    name: String,
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -151,6 +159,27 @@ impl Session {
         self.edit("seed", format!("remove {name}"), |state| {
             state.text = without(&state.text, kind, name)?.into();
             state.samples.remove(name);
+            Ok(())
+        })
+    }
+
+    /// Gives a camera another name. Its picture goes on.
+    pub(super) fn rename_camera(&self, renamed: &Renamed) -> Result<()> {
+        let Renamed { camera, name } = renamed;
+        if !is_name(name) {
+            return Err(user_error!("{name}: allowed: {NAMES_ALLOWED}"));
+        }
+        if self.inner().running.as_ref().is_some_and(Running::goes_on) {
+            return Err(user_error!("a run goes on; stop it first"));
+        }
+        // Any new problem: a target may name the camera, or a calibration file of several cameras.
+        self.edit("", format!("{name} for {camera}"), |state| {
+            state.text = with_camera_name(&state.text, camera, name)?.into();
+            for sample in state.samples.values_mut().flatten() {
+                if sample.camera == *camera {
+                    sample.camera.clone_from(name);
+                }
+            }
             Ok(())
         })
     }
