@@ -35,8 +35,15 @@ const ROUGH: (f64, f64) = (0.3, 1.0);
 
 /// By how much outlines are too small that are fitted with the general soft edge, pixels. Origin: the mean over the training images and sequences of the
 /// bundled fisheye camera, in which balls darken towards their outline.
-#[cfg(feature = "studio")]
 const TOO_SMALL_PX: f64 = 0.07;
+
+/// Circles and polygons that are larger or smaller than the outlines by these shares give way to the outlines, ... Hand-set: labels that are 5 % too large make the colours those of
+/// a paler ball, and outlines are right to 2 %.
+const FOLLOWED: std::ops::RangeInclusive<f64> = 0.035..=0.25;
+/// ... if the shares of the images differ by less than this, and all centres by less than that, in radii. Hand-set: sharp balls on real clips have at most 0.02 and 0.04, blurred ones 0.03 to 0.06 and
+/// 0.06 to 0.18.
+const FOLLOWED_SPREAD: f64 = 0.025;
+const FOLLOWED_SHIFT: f64 = 0.05;
 
 /// What the detector found in each image, in the order of the files.
 #[derive(Debug)]
@@ -56,19 +63,18 @@ pub(super) enum ImageCheck {
         found: Option<Found>,
         /// The outline in the image near the first label, by its colours alone: the detector without the learnt edge, which
         /// repeats the labels.
-        outline: Option<Circle>,
+        outline: Option<Found>,
     },
 }
 
 /// A ball that the detector found.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Found {
     /// The circle with the centroid and area of the outline.
     pub(super) circle: Circle,
     pub(super) outline_px: Vec<[f64; 2]>,
 }
 
-#[cfg(feature = "studio")]
 impl Found {
     /// Moves the outline away from its centre by this many pixels.
     fn enlarged(self, by_px: f64) -> Self {
@@ -109,10 +115,9 @@ impl Check {
             if let Some(Found { circle, .. }) = &found {
                 labels.sort_by(|a, b| a.radii_to(circle).total_cmp(&b.radii_to(circle)));
             }
-            let outline = detect(&frame, model, LearntEdge::Ignored, file.view(&frame, None)?)?
-                .map(|found| found.circle);
+            let outline = detect(&frame, model, LearntEdge::Ignored, file.view(&frame, None)?)?;
             Ok(ImageCheck::Ball {
-                outline: outline.filter(|outline| labels[0].radii_to(outline) <= 1.0),
+                outline: outline.filter(|outline| labels[0].radii_to(&outline.circle) <= 1.0),
                 labels,
                 found,
             })
@@ -144,6 +149,37 @@ impl Check {
     /// nothing is known.
     pub(super) fn label_shift(&self) -> Option<f64> {
         shift_of(self.median_of(ImageCheck::offset_of_label)?)
+    }
+
+    /// Returns the images with labels along the outlines in place of circles and polygons that most are larger or smaller than; `None` if most are right, or nothing is known.
+    pub(super) fn followed(&self, files: &[LabelledFile]) -> Option<Vec<LabelledFile>> {
+        let pairs = self.images.iter().filter_map(ImageCheck::label_and_outline);
+        let of_pair = |(label, outline): (&Circle, &Circle)| {
+            let [label_px, outline_px] = [label, outline].map(|circle| circle.radius_px);
+            (label_px / outline_px, outline.radii_to(label))
+        };
+        let (mut sizes, offsets): (Vec<f64>, Vec<f64>) = pairs.map(of_pair).unzip();
+        sizes.sort_by(f64::total_cmp);
+        let (&least, &most) = (sizes.first()?, sizes.last()?);
+        let error = (sizes[sizes.len() / 2] - 1.0).abs();
+        // Where outlines are blurred or partly hidden, it is these that are wrong, and each otherwise.
+        let are_sharp = sizes.len() > 1
+            && most - least < FOLLOWED_SPREAD
+            && offsets.iter().all(|offset| *offset < FOLLOWED_SHIFT);
+        if !(are_sharp && FOLLOWED.contains(&error)) {
+            return None;
+        }
+        let followed = |(file, image): (&LabelledFile, &ImageCheck)| {
+            let ImageCheck::Ball {
+                outline: Some(outline),
+                ..
+            } = image
+            else {
+                return file.clone();
+            };
+            file.with_outline(&outline.clone().enlarged(TOO_SMALL_PX).outline_px)
+        };
+        Some(files.iter().zip(&self.images).map(followed).collect())
     }
 
     fn median_of(&self, figure: impl Fn(&ImageCheck) -> Option<f64>) -> Option<f64> {
@@ -195,7 +231,7 @@ impl ImageCheck {
                 labels,
                 outline: Some(outline),
                 ..
-            } => Some((&labels[0], outline)),
+            } => Some((&labels[0], &outline.circle)),
             _ => None,
         }
     }

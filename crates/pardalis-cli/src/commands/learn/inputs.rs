@@ -123,6 +123,15 @@ impl LabelledFile {
         }
     }
 
+    /// Returns the image with this outline in place of its circle or polygon, if that is its only label.
+    pub(super) fn with_outline(&self, outline_px: &[[f64; 2]]) -> Self {
+        let mut file = self.clone();
+        if let [label @ (Label::Circle { .. } | Label::Polygon(_))] = &mut file.labels[..] {
+            *label = Label::Polygon(outline_px.to_vec());
+        }
+        file
+    }
+
     /// Returns the name of the image file, or of the video with the number of the frame: with as many folders before it as tell it from
     /// these others.
     pub(super) fn name_among(&self, files: &[Self]) -> String {

@@ -17,14 +17,14 @@ pub(crate) mod samples;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::color::ColorModel;
+use pardalis::color::{ColorModel, Palette};
 
 use crate::files::{refuse_foreign, write_file};
 use crate::output::{Shown, print};
 use crate::user_error::user_error;
 use check::Check;
 use evidence::Evidence;
-use inputs::InputOptions;
+use inputs::{InputOptions, LabelledFile};
 use palette::PaletteOptions;
 use remedy::Remedy;
 use report::Report;
@@ -50,7 +50,8 @@ const EXAMPLES: &str = "Examples:
 /// Label the whole target: along its outline with a mask, a circle or a polygon of 16 corners or more, or with a box drawn
 /// closely around it. From a box around a round target, the colours of the inscribed ellipse are learnt, but not how the edge
 /// blurs into the surroundings; a rectangular target that fills its box is learnt as it is. Labels that touch the image
-/// border are not used to learn the edge.
+/// border are not used to learn the edge. Circles and polygons that are all larger than the sharp outlines of balls in the images by
+/// the same share, or all smaller, give way to these outlines.
 ///
 /// Afterwards the detector of `track` is run on the images. The report says in which of them a labelled ball was found and
 /// where, whether the labels fit the outlines, and the command that helps if not. `Good` means that all balls were found.
@@ -79,9 +80,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let inputs = arguments.inputs.inputs()?;
     let output = &arguments.output;
     check_output(output)?;
-    let evidence = Evidence::gather(&inputs.files, palette)?;
-    let model = evidence.model()?;
-    let check = Check::run(&inputs.files, &mut evidence.learner(), &model)?;
+    let Learnt {
+        evidence,
+        model,
+        check,
+        follows_outlines,
+    } = learn(&inputs.files, palette)?;
     let remedy = if check.failures() > 0 {
         Remedy::find(arguments, &inputs.files, palette, &check)?
     } else {
@@ -103,11 +107,42 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         model: &model,
         check: &check,
         remedy: remedy.as_ref(),
+        follows_outlines,
         without_mask: &inputs.without_mask,
         written: &written,
     };
     print(report.to_string().trim_end());
     Ok(())
+}
+
+/// What was learnt.
+struct Learnt {
+    evidence: Evidence,
+    model: ColorModel,
+    /// The detector on the images, and the labels as they were drawn.
+    check: Check,
+    /// Whether the outlines in the images were learnt in place of labels of another size.
+    follows_outlines: bool,
+}
+
+fn learn(files: &[LabelledFile], palette: Palette) -> Result<Learnt> {
+    let learn_from = |labelled: &[LabelledFile], follows_outlines: bool| -> Result<Learnt> {
+        let evidence = Evidence::gather(labelled, palette)?;
+        let model = evidence.model()?;
+        Ok(Learnt {
+            check: Check::run(files, &mut evidence.learner(), &model)?,
+            evidence,
+            model,
+            follows_outlines,
+        })
+    };
+    let drawn = learn_from(files, false)?;
+    let Some(outlined) = drawn.check.followed(files) else {
+        return Ok(drawn);
+    };
+    let followed = learn_from(&outlined, true)?;
+    let is_better = followed.check.failures() <= drawn.check.failures();
+    Ok(if is_better { followed } else { drawn })
 }
 
 /// Rejects, before any work is done, an output that cannot be a colour model file.

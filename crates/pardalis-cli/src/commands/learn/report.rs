@@ -26,6 +26,8 @@ pub(super) struct Report<'a> {
     pub(super) check: &'a Check,
     /// What helps if the target was not found everywhere.
     pub(super) remedy: Option<&'a Remedy>,
+    /// Whether the outlines in the images were learnt in place of the labels.
+    pub(super) follows_outlines: bool,
     /// Names of skipped images.
     pub(super) without_mask: &'a [String],
     /// The written files.
@@ -44,6 +46,12 @@ impl fmt::Display for Report<'_> {
         )?;
         self.write_left_out(f)?;
         self.write_boxes(f)?;
+        if self.follows_outlines {
+            writeln!(
+                f,
+                "The outlines in the images were learnt in place of the labels, all of which are larger or smaller by the same share."
+            )?;
+        }
         self.write_bins(f)?;
         if background_pixels > 0 {
             self.write_separation(f)?;
@@ -252,6 +260,8 @@ impl Report<'_> {
             let percent = 100.0 * error.abs();
             let advice = if self.evidence.images.iter().any(|image| image.has_box) {
                 "Draw boxes that touch the ball on all sides, or give the outlines listed above if they are right."
+            } else if self.follows_outlines {
+                "The outlines listed above were learnt in their place: see whether they are right."
             } else {
                 "The edge is learnt where they end, so that distances will be wrong by as much. Give the outlines \
                  listed above if they are right."

@@ -144,6 +144,52 @@ fn labels_that_do_not_follow_the_outline_are_reported_and_not_called_good() {
     }
 }
 
+/// Rendered: the ball in frames of a webcam, whose radius in them is known.
+#[test]
+fn circles_that_are_all_too_large_give_way_to_the_outlines() {
+    let sequence = data("webcams-two");
+    let truth = fs::read_to_string(sequence.join("truth.csv")).unwrap();
+    let rows = truth.lines().filter(|row| row.contains(",cam1,"));
+    let balls: Vec<(String, [f64; 3])> = rows
+        .skip(80)
+        .step_by(25)
+        .map(|row| {
+            let cells: Vec<&str> = row.split(',').collect();
+            let number: usize = cells[0].parse().unwrap();
+            let [depth_m, u, v] = [12, 13, 14].map(|cell| cells[cell].parse::<f64>().unwrap());
+            let image = sequence.join(format!("frames/cam1/{number:06}.jpg"));
+            let radius_px = 330.0 * 0.035 / (depth_m * depth_m - 0.035 * 0.035).sqrt();
+            (image.display().to_string(), [u, v, radius_px])
+        })
+        .collect();
+    // The mean of the radii that are found with what was learnt, as multiples of the true ones.
+    let learnt = |scale: f64| {
+        let folder = TempDir::new().unwrap();
+        let labels = balls.iter().flat_map(|(image, [u, v, radius_px])| {
+            let circle = format!("{u:.2},{v:.2},{:.2}", scale * radius_px);
+            ["--image", image, "--circle", &circle].map(str::to_owned)
+        });
+        let labels: Vec<String> = labels.collect();
+        let mut arguments: Vec<&str> = labels.iter().map(String::as_str).collect();
+        arguments.extend(["--no-pictures", "-o", "m.toml"]);
+        let text = report(&folder, &arguments);
+        let table = text.split("found: u, v, radius").nth(1).unwrap();
+        let rows = table.lines().skip(1).take(balls.len());
+        let sizes = rows.zip(&balls).map(|(row, (_, [_, _, radius_px]))| {
+            let numbers = row.split_whitespace().skip(1);
+            let numbers: Vec<f64> = numbers.map_while(|cell| cell.parse().ok()).collect();
+            numbers[5] / radius_px
+        });
+        let mean = sizes.sum::<f64>() / balls.len() as f64;
+        (mean, text.contains("were learnt in place of the labels"))
+    };
+    for (scale, is_followed, off) in [(1.0, false, 0.01), (0.9, true, 0.03), (1.1, true, 0.03)] {
+        let (size, follows) = learnt(scale);
+        assert_eq!(follows, is_followed, "{scale}: {size}");
+        assert!((size - 1.0).abs() < off, "{scale}: {size}");
+    }
+}
+
 #[test]
 fn labels_beside_the_ball_are_reported_and_not_called_good() {
     for clip in ["pendulum", "roll"] {
