@@ -217,9 +217,12 @@ impl Sink for MissedFrames {
                     self.seen[number] = Some(instant.index);
                 }
                 let seen = self.seen[number];
-                self.exits[number] = position_m
+                let left = position_m
                     .filter(|_| is_alone)
                     .and_then(|at_m| exit(views, at_m, seen));
+                // The side at which it left, and not where predictions lead from there.
+                let before = self.exits[number].filter(|before| before.seen == seen);
+                self.exits[number] = left.map(|left| before.unwrap_or(left));
             } else {
                 let exit = self.exits[number];
                 self.ranges[number].add(instant.index, exit);

@@ -151,7 +151,7 @@ impl Check {
         shift_of(self.median_of(ImageCheck::offset_of_label)?)
     }
 
-    /// Returns the images with labels along the outlines in place of circles and polygons that most are larger or smaller than; `None` if most are right, or nothing is known.
+    /// Returns the images with labels along the sharp outlines in them, if all are circles and polygons that are larger than these by the same share, or smaller.
     pub(super) fn followed(&self, files: &[LabelledFile]) -> Option<Vec<LabelledFile>> {
         let pairs = self.images.iter().filter_map(ImageCheck::label_and_outline);
         let of_pair = |(label, outline): (&Circle, &Circle)| {
@@ -169,17 +169,14 @@ impl Check {
         if !(are_sharp && FOLLOWED.contains(&error)) {
             return None;
         }
-        let followed = |(file, image): (&LabelledFile, &ImageCheck)| {
-            let ImageCheck::Ball {
+        let followed = |(file, image): (&LabelledFile, &ImageCheck)| match image {
+            ImageCheck::Ball {
                 outline: Some(outline),
                 ..
-            } = image
-            else {
-                return file.clone();
-            };
-            file.with_outline(&outline.clone().enlarged(TOO_SMALL_PX).outline_px)
+            } => file.with_outline(&outline.clone().enlarged(TOO_SMALL_PX).outline_px),
+            _ => Some(file.clone()),
         };
-        Some(files.iter().zip(&self.images).map(followed).collect())
+        files.iter().zip(&self.images).map(followed).collect()
     }
 
     fn median_of(&self, figure: impl Fn(&ImageCheck) -> Option<f64>) -> Option<f64> {

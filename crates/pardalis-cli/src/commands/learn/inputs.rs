@@ -123,13 +123,14 @@ impl LabelledFile {
         }
     }
 
-    /// Returns the image with this outline in place of its circle or polygon, if that is its only label.
-    pub(super) fn with_outline(&self, outline_px: &[[f64; 2]]) -> Self {
+    /// Returns the image with this outline in place of its label; `None` unless that is a single circle or polygon.
+    pub(super) fn with_outline(&self, outline_px: &[[f64; 2]]) -> Option<Self> {
+        let [Label::Circle { .. } | Label::Polygon(_)] = &self.labels[..] else {
+            return None;
+        };
         let mut file = self.clone();
-        if let [label @ (Label::Circle { .. } | Label::Polygon(_))] = &mut file.labels[..] {
-            *label = Label::Polygon(outline_px.to_vec());
-        }
-        file
+        file.labels = vec![Label::Polygon(outline_px.to_vec())];
+        Some(file)
     }
 
     /// Returns the name of the image file, or of the video with the number of the frame: with as many folders before it as tell it from

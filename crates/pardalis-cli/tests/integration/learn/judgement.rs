@@ -163,11 +163,18 @@ fn circles_that_are_all_too_large_give_way_to_the_outlines() {
         })
         .collect();
     // The mean of the radii that are found with what was learnt, as multiples of the true ones.
-    let learnt = |scale: f64| {
+    let learnt = |scale: f64, is_box: bool| {
         let folder = TempDir::new().unwrap();
         let labels = balls.iter().flat_map(|(image, [u, v, radius_px])| {
-            let circle = format!("{u:.2},{v:.2},{:.2}", scale * radius_px);
-            ["--image", image, "--circle", &circle].map(str::to_owned)
+            let reach = scale * radius_px;
+            let side = 2.0 * reach;
+            let label = if is_box {
+                format!("{:.0},{:.0},{side:.0},{side:.0}", u - reach, v - reach)
+            } else {
+                format!("{u:.2},{v:.2},{reach:.2}")
+            };
+            let option = if is_box { "--rect" } else { "--circle" };
+            ["--image", image, option, &label].map(str::to_owned)
         });
         let labels: Vec<String> = labels.collect();
         let mut arguments: Vec<&str> = labels.iter().map(String::as_str).collect();
@@ -184,10 +191,12 @@ fn circles_that_are_all_too_large_give_way_to_the_outlines() {
         (mean, text.contains("were learnt in place of the labels"))
     };
     for (scale, is_followed, off) in [(1.0, false, 0.01), (0.9, true, 0.03), (1.1, true, 0.03)] {
-        let (size, follows) = learnt(scale);
+        let (size, follows) = learnt(scale, false);
         assert_eq!(follows, is_followed, "{scale}: {size}");
         assert!((size - 1.0).abs() < off, "{scale}: {size}");
     }
+    // Boxes teach no edge, and stay.
+    assert!(!learnt(1.1, true).1);
 }
 
 #[test]
