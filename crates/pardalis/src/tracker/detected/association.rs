@@ -4,9 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::DetectedTarget;
 use super::look_alikes::LookAlikes;
-use super::untriggered::Widened;
 use crate::color::PixelKind;
-use crate::likelihood::edge::{Detection, EdgeFrame};
+use crate::likelihood::edge::{Detection, EdgeFrame, Widening};
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use pardalis_filter::bernoulli::MeasurementComponent;
 
@@ -24,7 +23,7 @@ pub(super) struct AssociatedDetection {
     /// What each camera adds to the edge cue's log-likelihood ratio at this detection, in nats, so that it compares with clutter.
     pub(super) log_ratio_offset: f32,
     /// How its likelihood is widened, if it is.
-    pub(super) widened: Option<Widened>,
+    pub(super) widened: Option<Widening>,
 }
 
 impl DetectedTarget {

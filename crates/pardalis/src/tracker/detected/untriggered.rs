@@ -23,8 +23,8 @@ fn entries(covariance: &Matrix3<f64>) -> [f64; 6] {
 }
 
 /// How the likelihood of a detection is wider along the ray to it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Widened {
+#[derive(Debug)]
+struct Widened {
     widening: Widening,
     /// The variance of the error, m².
     error_m2: f64,
@@ -45,10 +45,6 @@ impl Widened {
         Some(Self { widening, error_m2 })
     }
 
-    pub(super) fn widening(&self) -> &Widening {
-        &self.widening
-    }
-
     /// Widens what a detection contributes.
     fn widen(self, associated: &mut AssociatedDetection) {
         let along = self.widening.along;
@@ -57,7 +53,7 @@ impl Widened {
         associated.component.covariance_m2 = entries(&covariance);
         // Its likelihood integrates to the same.
         associated.log_ratio_offset += libm::log(self.widening.nearness) as f32;
-        associated.widened = Some(self);
+        associated.widened = Some(self.widening);
     }
 }
 

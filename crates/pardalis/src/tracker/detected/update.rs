@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 
 use super::association::AssociatedDetection;
-use super::untriggered::Widened;
 use super::visibility::Visibility;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame};
 use crate::tracker::existence::Region;
@@ -56,8 +55,11 @@ pub(super) fn update(
     let max_log_ratio = max_existence_log_ratio(filter, edge, measurement);
     let detections = associated.iter().map(|associated| {
         let detection = &detections[associated.detection];
-        let widening = associated.widened.as_ref().map(Widened::widening);
-        (detection, associated.log_ratio_offset, widening)
+        (
+            detection,
+            associated.log_ratio_offset,
+            associated.widened.as_ref(),
+        )
     });
     filter.update(components, max_log_ratio, |particles, out| {
         out.fill(0.0);
