@@ -80,7 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let inputs = arguments.inputs.inputs()?;
     let output = &arguments.output;
     check_output(output)?;
-    let Learnt {
+    let Lesson {
         evidence,
         model,
         check,
@@ -115,8 +115,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// What was learnt.
-struct Learnt {
+/// What labelled images teach.
+struct Lesson {
     evidence: Evidence,
     model: ColorModel,
     /// The detector on the images, and the labels as they were drawn.
@@ -125,24 +125,34 @@ struct Learnt {
     follows_outlines: bool,
 }
 
-fn learn(files: &[LabelledFile], palette: Palette) -> Result<Learnt> {
-    let learn_from = |labelled: &[LabelledFile], follows_outlines: bool| -> Result<Learnt> {
+impl Lesson {
+    /// Learns from labels, and compares what is found with those that were drawn.
+    fn of(labelled: &[LabelledFile], drawn: &[LabelledFile], palette: Palette) -> Result<Self> {
         let evidence = Evidence::gather(labelled, palette)?;
         let model = evidence.model()?;
-        Ok(Learnt {
-            check: Check::run(files, &mut evidence.learner(), &model)?,
+        Ok(Self {
+            check: Check::run(drawn, &mut evidence.learner(), &model)?,
             evidence,
             model,
-            follows_outlines,
+            follows_outlines: false,
         })
-    };
-    let drawn = learn_from(files, false)?;
+    }
+}
+
+/// Learns from labels, or from the outlines in their images if these are sharp and the labels are all too large or too small.
+fn learn(files: &[LabelledFile], palette: Palette) -> Result<Lesson> {
+    let drawn = Lesson::of(files, files, palette)?;
     let Some(outlined) = drawn.check.followed(files) else {
         return Ok(drawn);
     };
-    let followed = learn_from(&outlined, true)?;
-    let is_better = followed.check.failures() <= drawn.check.failures();
-    Ok(if is_better { followed } else { drawn })
+    let followed = Lesson::of(&outlined, files, palette)?;
+    if followed.check.failures() > drawn.check.failures() {
+        return Ok(drawn);
+    }
+    Ok(Lesson {
+        follows_outlines: true,
+        ..followed
+    })
 }
 
 /// Rejects, before any work is done, an output that cannot be a colour model file.

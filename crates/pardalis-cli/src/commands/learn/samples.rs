@@ -8,8 +8,9 @@ use pardalis::color::{ColorModel, Palette};
 use pardalis_camera::{Camera, Mask};
 use pardalis_images::RgbImage;
 
+use super::Lesson;
 use super::balls::Circle;
-use super::check::{Check, fit};
+use super::check::fit;
 use super::contrast::{Search, ball_of_contrast};
 use super::evidence::Evidence;
 use super::inputs::LabelledFile;
@@ -161,9 +162,12 @@ pub(crate) fn learn_samples(samples: &[Sample]) -> Result<Learnt> {
 }
 
 fn learn(files: &[LabelledFile]) -> Result<Learnt> {
-    let evidence = Evidence::gather(files, Palette::HSI)?;
-    let model = evidence.model()?;
-    let check = Check::run(files, &mut evidence.learner(), &model)?;
+    let Lesson {
+        evidence,
+        model,
+        check,
+        ..
+    } = Lesson::of(files, files, Palette::HSI)?;
     let failed = check.images.iter().enumerate();
     Ok(Learnt {
         found: evidence.separation.object_found,

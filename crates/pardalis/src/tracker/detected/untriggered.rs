@@ -195,3 +195,27 @@ impl DetectedTarget {
         self.outline = Outline::of(detection, &self.tuning.detection);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The ray is a principal axis of what a camera alone sees.
+    #[test]
+    fn detections_are_wider_by_the_error_along_their_ray() {
+        let along = Vector3::new(0.6, 0.0, 0.8_f64);
+        let of_ray = along * along.transpose();
+        let own: Matrix3<f64> = 1e-6 * (Matrix3::identity() - of_ray) + 4e-6 * of_ray;
+        let component = MeasurementComponent {
+            position_m: [0.5, 0.1, 0.9],
+            covariance_m2: entries(&own),
+            log_weight: 0.0,
+        };
+        let widened = Widened::of(&component, [0.24, 0.0, 0.32], 0.02).unwrap();
+        assert!((widened.error_m2 - 0.008_f64.powi(2)).abs() < 1e-12);
+        let wider = (4e-6_f64 + 0.008_f64.powi(2)) / 4e-6;
+        assert!((widened.widening.nearness.powi(-2) / wider - 1.0).abs() < 1e-9);
+        assert!((widened.widening.along - along).norm() < 1e-12);
+        assert!(Widened::of(&component, [0.0; 3], 0.02).is_none());
+    }
+}
