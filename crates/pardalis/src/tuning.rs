@@ -254,6 +254,10 @@ tuned! {
         near_diameters: f64 = 1.0, "diameters", "hand-set: as for confidence";
         /// The confidence from which a target is found.
         found_confidence: f64 = 0.25, "share", "hand-set: its distance may be less certain than a diameter";
+        /// From this share of the particles at one of the detections on, a target is found there: it may be another that looks alike.
+        found_share: f64 = 0.8, "share", "hand-set";
+        /// Up to this many standard deviations between them, detections are at one place.
+        same_place_sigmas: f64 = 3.0, "standard deviations", "hand-set";
         /// Below this confidence a target is lost.
         lost_confidence: f64 = 0.01, "share", "hand-set";
     }

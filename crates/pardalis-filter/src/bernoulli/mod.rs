@@ -460,6 +460,32 @@ impl BernoulliFilter {
         }
     }
 
+    /// Leaves out the particles of the last update that are not kept, given their positions in metres: the target is not there. Its existence loses the share of
+    /// their weight. Call it after [`BernoulliFilter::update`]. Does nothing if none would be kept.
+    pub fn keep(&mut self, is_kept: impl Fn([f64; 3]) -> bool) {
+        let kept = |hypothesis: &Hypothesis| is_kept(hypothesis.position_m);
+        let share: f64 = (self.hypotheses.iter().zip(&self.weights))
+            .filter(|(hypothesis, _)| kept(hypothesis))
+            .map(|(_, weight)| weight)
+            .sum();
+        if share == 0.0 {
+            return;
+        }
+        for (hypothesis, weight) in self.hypotheses.iter().zip(&mut self.weights) {
+            *weight = if kept(hypothesis) {
+                *weight / share
+            } else {
+                0.0
+            };
+        }
+        let log_weights = self.particles.log_weights.iter_mut();
+        log_weights
+            .zip(&self.weights)
+            .for_each(|(log_weight, weight)| *log_weight = libm::log(*weight));
+        self.existence *= share.min(1.0);
+        self.likeliest = likeliest(&self.log_ratios, &self.particles.log_weights);
+    }
+
     /// Returns the particles at the last update, with the columns of the motion model. Velocities are means given the
     /// path.
     pub fn particles(&self) -> &Particles {

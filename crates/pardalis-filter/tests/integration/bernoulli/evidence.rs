@@ -444,3 +444,51 @@ fn the_vertical_axis_is_ignored_in_a_plane() {
     assert!(estimate.position_m[2] == 2.3 || (estimate.position_m[2] - 2.3).abs() < 1e-12);
     assert!([xz, yz, zz].iter().all(|v| v.abs() < 1e-12), "{estimate:?}");
 }
+
+#[test]
+fn where_the_target_is_said_not_to_be_it_is_no_longer() {
+    let mut tracked = filter(&certain(velocity()), 1);
+    tracked.start(&START, 0.9).unwrap();
+    tracked.predict(0.1);
+    tracked.update(&[], f64::INFINITY, |particles, out| {
+        for (log_ratio, x) in out.iter_mut().zip(particles.positions_m()[0]) {
+            *log_ratio = 0.2 * x;
+        }
+    });
+    let existence = tracked.existence();
+    let middle_m = tracked.estimate(0.0).unwrap().position_m[0];
+    let kept = |position_m: [f64; 3]| position_m[0] > middle_m + 0.01;
+    let before = tracked.particles().clone();
+    let weights = tracked.weights().to_vec();
+    let there = |i: &usize| kept(before.position_m(*i));
+    let share: f64 = (0..weights.len()).filter(there).map(|i| weights[i]).sum();
+    let mean_m = |axis: usize| -> f64 {
+        let of_kept = (0..weights.len()).filter(there);
+        of_kept
+            .map(|i| weights[i] / share * before.position_m(i)[axis])
+            .sum()
+    };
+
+    tracked.keep(|_| false);
+    assert_eq!(
+        (tracked.existence(), tracked.weights()),
+        (existence, &weights[..])
+    );
+    tracked.keep(kept);
+    assert!((0.2..0.8).contains(&share), "{share}");
+    assert!((tracked.existence() - share * existence).abs() < 1e-12);
+    let estimate = tracked.estimate(0.0).unwrap();
+    for axis in 0..3 {
+        // Particles are single-precision copies of what the filter keeps.
+        assert!((estimate.position_m[axis] - mean_m(axis)).abs() < 1e-6);
+    }
+    assert!(kept(estimate.best_position_m));
+    // Nobody is left of them in the next step either.
+    tracked.predict(1e-9);
+    tracked.update(&[], f64::INFINITY, |_, out| out.fill(0.0));
+    let after = tracked.particles();
+    let mut weighted = tracked.weights().iter().enumerate();
+    assert!(
+        weighted.all(|(i, weight)| *weight == 0.0 || kept(after.position_m(i).map(|x| x + 1e-5)))
+    );
+}

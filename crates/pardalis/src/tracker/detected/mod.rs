@@ -16,6 +16,7 @@ mod look_alikes;
 mod measurement;
 mod member;
 mod other_sensors;
+mod places;
 mod size;
 mod streaks;
 #[cfg(test)]
@@ -60,6 +61,7 @@ use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
+use places::Place;
 use size::Size;
 use untriggered::Sights;
 use update::{Measurement, update};
@@ -126,6 +128,7 @@ struct Buffers {
     frames: Vec<EdgeFrame<'static>>,
     associated: Vec<AssociatedDetection>,
     components: Vec<MeasurementComponent>,
+    places: Vec<Place>,
 }
 
 /// Empties a vector of frames; its memory serves frames of another lifetime.
@@ -221,6 +224,7 @@ impl DetectedTarget {
                 frames: Vec::with_capacity(views.len()),
                 associated: Vec::with_capacity(tuning.detection.max_detections),
                 components: Vec::with_capacity(tuning.detection.max_detections),
+                places: Vec::with_capacity(tuning.detection.max_detections),
             },
         })
     }
@@ -360,10 +364,9 @@ impl DetectedTarget {
             associated: &associated,
             visibilities: &self.visibilities,
             region: self.existence.region,
-            near_m: self.tuning.existence.near_diameters * self.diameter_m(),
             missed: -self.tuning.existence.missed_nats,
         };
-        let updated = update(
+        update(
             &mut self.filter,
             &mut self.edge,
             &measurement,
@@ -372,7 +375,9 @@ impl DetectedTarget {
         );
 
         self.buffers.frames = emptied(frames);
-        let target = updated.target.map(|number| &associated[number]);
+        let is_found = self.track.is_known() || self.is_at_one_place(&associated);
+        let number = self.at_estimate(&associated);
+        let target = number.map(|number| &associated[number]);
         self.take(target, &predicted, time_s);
         let detections = self.detector.detections();
         for &(camera, _) in instant.frames {
@@ -388,14 +393,14 @@ impl DetectedTarget {
             }
         }
         let found = target.map(|target| target.detection);
-        self.decide(time_s);
+        self.decide(is_found, time_s);
         if let Some(found) = found {
             self.turn_to(found);
         }
-        let winner = self.challenge(&associated, updated.target, time_s);
-        self.conclude(&associated, winner.or(updated.target), &mut candidates);
+        let winner = self.challenge(&associated, number, time_s);
+        self.conclude(&associated, winner.or(number), &mut candidates);
         if self.detector.has_searched() && self.member.is_none() {
-            self.note_clutter(&associated, updated.target);
+            self.note_clutter(&associated, number);
         }
         self.candidates = candidates;
 
@@ -412,9 +417,9 @@ impl DetectedTarget {
     ) -> Estimate {
         self.predict(instant.time_s, 0.0);
         // A track may be misled by them for a long time, and finds the ball in another frame, where it is by itself.
-        self.detector.candidates.with_circles = true;
+        self.detector.candidates.is_single_instant = true;
         self.observe(instant, statistics, look_alikes);
-        self.detector.candidates.with_circles = false;
+        self.detector.candidates.is_single_instant = false;
         self.estimate(0.0)
     }
 
@@ -606,11 +611,12 @@ impl DetectedTarget {
             .expect("starts are checked before");
     }
 
-    /// Derives the track's state from existence, visibility and confidence.
-    fn decide(&mut self, time_s: f64) {
+    /// Derives the track's state from existence, visibility and confidence. One that may be at several places is not found.
+    fn decide(&mut self, is_found: bool, time_s: f64) {
         let tuning = &self.tuning.existence;
         let least = [tuning.found_confidence, tuning.lost_confidence];
-        let decisive = (self.filter.existence(), self.confidence());
+        let confidence = if is_found { self.confidence() } else { 0.0 };
+        let decisive = (self.filter.existence(), confidence);
         self.track.decide(decisive, least, time_s);
     }
 

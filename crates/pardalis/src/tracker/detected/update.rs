@@ -1,7 +1,5 @@
 //! Step 3, Bernoulli update: existence and position, from the associated detections and from what each camera's frame says at every particle.
 
-use nalgebra::Vector3;
-
 use super::association::AssociatedDetection;
 use super::visibility::Visibility;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame};
@@ -20,17 +18,8 @@ pub(super) struct Measurement<'a> {
     pub(super) visibilities: &'a [Option<Visibility>],
     /// Where the target can be.
     pub(super) region: Region,
-    /// Detections closer to the estimate than this are the target, metres.
-    pub(super) near_m: f64,
     /// The log-likelihood ratio of a frame in which a visible target is nowhere near a detection, nats.
     pub(super) missed: f32,
-}
-
-/// What the update found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Updated {
-    /// The number of the associated detection that is the target, among those associated.
-    pub(super) target: Option<usize>,
 }
 
 /// Runs the update. Writes each camera's log-likelihood ratios, one per particle, into `log_ratios`; `components` is a buffer.
@@ -40,14 +29,13 @@ pub(super) fn update(
     measurement: &Measurement,
     log_ratios: &mut [Vec<f32>],
     components: &mut Vec<MeasurementComponent>,
-) -> Updated {
+) {
     let Measurement {
         frames,
         detections,
         associated,
         visibilities,
         region,
-        near_m,
         missed,
     } = *measurement;
     components.clear();
@@ -83,15 +71,6 @@ pub(super) fn update(
             }
         }
     });
-    let known = filter.estimate(0.0);
-    let is_target = |associated: &AssociatedDetection| {
-        let here = known.as_ref().map(|known| Vector3::from(known.position_m));
-        let there = Vector3::from(associated.component.position_m);
-        here.is_some_and(|here| (here - there).norm() < near_m)
-    };
-    Updated {
-        target: associated.iter().position(is_target),
-    }
 }
 
 /// The greatest log-ratio by which existence may become more likely. A camera that does not see a target says nothing against one that is occluded or out of its

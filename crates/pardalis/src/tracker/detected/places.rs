@@ -1,0 +1,100 @@
+//! Where a target is that is not known yet: at one of the detections, and not between two that look alike.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::DetectedTarget;
+use super::association::AssociatedDetection;
+use pardalis_filter::bernoulli::MeasurementComponent;
+
+/// Where a detection is, and how much of the weight of the particles is there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    /// Position in the world, metres.
+    position_m: Vector3<f64>,
+    covariance_m2: Matrix3<f64>,
+    information: Matrix3<f64>,
+    share: f64,
+    is_kept: bool,
+}
+
+impl Place {
+    fn of(component: &MeasurementComponent) -> Option<Self> {
+        let [xx, xy, xz, yy, yz, zz] = component.covariance_m2;
+        let covariance_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        Some(Self {
+            position_m: component.position_m.into(),
+            covariance_m2,
+            information: covariance_m2.try_inverse()?,
+            share: 0.0,
+            is_kept: false,
+        })
+    }
+
+    fn is_distinct_from(&self, other: &Self, sigmas: f64) -> bool {
+        let off_m = self.position_m - other.position_m;
+        let both_m2 = self.covariance_m2 + other.covariance_m2;
+        let information = both_m2.try_inverse();
+        information.is_some_and(|information| off_m.dot(&(information * off_m)) > sigmas * sigmas)
+    }
+}
+
+/// The number of the place from which a position (metres) is fewest standard deviations away.
+fn nearest(places: &[Place], position_m: [f64; 3]) -> usize {
+    let squares = places.iter().map(|place| {
+        let off_m = Vector3::from(position_m) - place.position_m;
+        off_m.dot(&(place.information * off_m))
+    });
+    let least = squares
+        .enumerate()
+        .reduce(|a, b| if b.1 < a.1 { b } else { a });
+    least.map_or(0, |(number, _)| number)
+}
+
+impl DetectedTarget {
+    /// Returns whether the target, if it exists, is at one of the detections rather than at any of them. If no other frames will tell, the particles
+    /// elsewhere are left out then.
+    pub(super) fn is_at_one_place(&mut self, associated: &[AssociatedDetection]) -> bool {
+        let tuning = &self.tuning.existence;
+        let places = &mut self.buffers.places;
+        places.clear();
+        places.extend(
+            associated
+                .iter()
+                .filter_map(|found| Place::of(&found.component)),
+        );
+        let particles = self.filter.particles();
+        for (particle, weight) in self.filter.weights().iter().enumerate() {
+            if places.len() > 1 {
+                let place = nearest(places, particles.position_m(particle));
+                places[place].share += weight;
+            }
+        }
+        let likeliest = places.iter().copied();
+        let likeliest = likeliest.reduce(|a, b| if b.share > a.share { b } else { a });
+        let Some(likeliest) = likeliest.filter(|_| places.len() > 1) else {
+            return true;
+        };
+        let mut share = 0.0;
+        for place in places.iter_mut() {
+            place.is_kept = !place.is_distinct_from(&likeliest, tuning.same_place_sigmas);
+            if place.is_kept {
+                share += place.share;
+            }
+        }
+        let is_at_one = share >= tuning.found_share;
+        if is_at_one && self.detector.candidates.is_single_instant {
+            self.filter
+                .keep(|position_m| places[nearest(places, position_m)].is_kept);
+        }
+        is_at_one
+    }
+
+    /// The number of the detection that is the target: the first at the estimate.
+    pub(super) fn at_estimate(&self, associated: &[AssociatedDetection]) -> Option<usize> {
+        let here = Vector3::from(self.filter.estimate(0.0)?.position_m);
+        let near_m = self.tuning.existence.near_diameters * self.diameter_m();
+        associated
+            .iter()
+            .position(|found| (here - Vector3::from(found.component.position_m)).norm() < near_m)
+    }
+}
