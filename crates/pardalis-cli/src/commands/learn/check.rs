@@ -3,18 +3,13 @@
 
 use anyhow::Result;
 use pardalis::color::{ColorLearner, ColorModel};
-use pardalis::shape::{Shape, Stance};
-use pardalis::tracker::DetectedSettings;
-use pardalis::view::View;
-use pardalis::{Frame, FrameSet, TargetId, Tracker};
 
 use super::balls::{Circle, labelled_balls};
+use super::detector::{Found, LearntEdge, detect};
 use super::inputs::LabelledFile;
+use super::label::Label;
+use super::outline::near_label;
 
-/// The radius of the ball, metres. Any would do: with one camera it only scales the distance.
-const RADIUS_M: f64 = 0.1;
-/// Points of the found outline.
-const OUTLINE_POINTS: usize = 72;
 /// Labels that are larger or smaller than the outlines by more than this share ... Hand-set: labels drawn with care on real
 /// clips deviate by at most 7 %.
 const MAX_LABEL_ERROR: f64 = 0.08;
@@ -28,22 +23,13 @@ const MAX_LABEL_SHIFT: f64 = 0.15;
 /// What is found farther from the label, as a share of the radius, is not the labelled ball. Hand-set: labels are rarely off by a quarter.
 const MAX_FOUND_SHIFT: f64 = 0.5;
 
-/// By how much a fitted outline may differ from a rough one in place and size, as a share of the radius, and at least in pixels. Hand-set: rough ones are off
-/// by a tenth, small ones by up to a pixel, and the thin ellipses of mirrors by a quarter.
-#[cfg(feature = "studio")]
-const ROUGH: (f64, f64) = (0.3, 1.0);
-
-/// By how much outlines are too small that are fitted with the general soft edge, pixels. Origin: the mean over the training images and sequences of the
-/// bundled fisheye camera, in which balls darken towards their outline.
-const TOO_SMALL_PX: f64 = 0.07;
-
 /// Circles and polygons that are larger or smaller than the outlines by these shares give way to the outlines, ... Hand-set: labels that are 5 % too large make the colours those of
 /// a paler ball, and outlines are right to 2 %.
 const FOLLOWED: std::ops::RangeInclusive<f64> = 0.035..=0.25;
-/// ... if the shares of the images differ by less than this, and all centres by less than that, in radii. Hand-set: sharp balls on real clips have at most 0.02 and 0.04, blurred ones 0.03 to 0.06 and
-/// 0.06 to 0.18.
-const FOLLOWED_SPREAD: f64 = 0.025;
-const FOLLOWED_SHIFT: f64 = 0.05;
+/// ... if the shares of most images are less than this off their median, and the centres less than that off, in radii. Hand-set: sharp balls on real clips have at most 0.02 and 0.06,
+/// blurred ones 0.03 to 0.06 and 0.06 to 0.18.
+const FOLLOWED_SPREAD: f64 = 0.035;
+const FOLLOWED_SHIFT: f64 = 0.07;
 
 /// What the detector found in each image, in the order of the files.
 #[derive(Debug)]
@@ -67,31 +53,11 @@ pub(super) enum ImageCheck {
     },
 }
 
-/// A ball that the detector found.
-#[derive(Debug, Clone)]
-pub(super) struct Found {
-    /// The circle with the centroid and area of the outline.
-    pub(super) circle: Circle,
-    pub(super) outline_px: Vec<[f64; 2]>,
-}
-
-impl Found {
-    /// Moves the outline away from its centre by this many pixels.
-    fn enlarged(self, by_px: f64) -> Self {
-        let Circle {
-            center_px,
-            radius_px,
-        } = self.circle;
-        let scale = 1.0 + by_px / radius_px;
-        let moved = |at: [f64; 2]| [0, 1].map(|i| center_px[i] + scale * (at[i] - center_px[i]));
-        Self {
-            circle: Circle {
-                center_px,
-                radius_px: radius_px + by_px,
-            },
-            outline_px: self.outline_px.into_iter().map(moved).collect(),
-        }
-    }
+/// A sharp outline in an image.
+struct Sharp {
+    outline_px: Vec<[f64; 2]>,
+    /// The radius of the label as a multiple of its radius.
+    share: f64,
 }
 
 impl Check {
@@ -151,32 +117,37 @@ impl Check {
         shift_of(self.median_of(ImageCheck::offset_of_label)?)
     }
 
-    /// Returns the images with labels along the sharp outlines in them, if all are circles and polygons that are larger than these by the same share, or smaller.
-    pub(super) fn followed(&self, files: &[LabelledFile]) -> Option<Vec<LabelledFile>> {
-        let pairs = self.images.iter().filter_map(ImageCheck::label_and_outline);
-        let of_pair = |(label, outline): (&Circle, &Circle)| {
-            let [label_px, outline_px] = [label, outline].map(|circle| circle.radius_px);
-            (label_px / outline_px, outline.radii_to(label))
+    /// Returns the images with labels along the sharp outlines in them, if most are circles and polygons that are larger than these by the same share, or smaller. The
+    /// others are enlarged or reduced by that share.
+    ///
+    /// Errors: an image cannot be read.
+    pub(super) fn followed(&self, files: &[LabelledFile]) -> Result<Option<Vec<LabelledFile>>> {
+        let sharp = files.iter().zip(&self.images);
+        let sharp: Vec<Option<Sharp>> = sharp
+            .map(|(file, image)| image.sharp_outline(file))
+            .collect::<Result<_>>()?;
+        let mut shares: Vec<f64> = sharp.iter().flatten().map(|sharp| sharp.share).collect();
+        shares.sort_by(f64::total_cmp);
+        let Some(&median) = shares.get(shares.len() / 2) else {
+            return Ok(None);
         };
-        let (mut sizes, offsets): (Vec<f64>, Vec<f64>) = pairs.map(of_pair).unzip();
-        sizes.sort_by(f64::total_cmp);
-        let (&least, &most) = (sizes.first()?, sizes.last()?);
-        let error = (sizes[sizes.len() / 2] - 1.0).abs();
         // Where outlines are blurred or partly hidden, it is these that are wrong, and each otherwise.
-        let are_sharp = sizes.len() > 1
-            && most - least < FOLLOWED_SPREAD
-            && offsets.iter().all(|offset| *offset < FOLLOWED_SHIFT);
-        if !(are_sharp && FOLLOWED.contains(&error)) {
-            return None;
+        let agrees = |share: f64| (share - median).abs() < FOLLOWED_SPREAD;
+        let agreeing = shares.iter().filter(|share| agrees(**share)).count();
+        let are_sharp = agreeing > 1 && 2 * agreeing > self.ball_count();
+        if !(are_sharp && FOLLOWED.contains(&(median - 1.0).abs())) {
+            return Ok(None);
         }
-        let followed = |(file, image): (&LabelledFile, &ImageCheck)| match image {
-            ImageCheck::Ball {
-                outline: Some(outline),
-                ..
-            } => file.with_outline(&outline.clone().enlarged(TOO_SMALL_PX).outline_px),
-            _ => Some(file.clone()),
-        };
-        files.iter().zip(&self.images).map(followed).collect()
+        let followed = files.iter().zip(&self.images).zip(sharp);
+        let followed = followed.map(|((file, image), sharp)| match (image, sharp) {
+            (ImageCheck::NoBall, _) => Some(file.clone()),
+            (_, Some(sharp)) if agrees(sharp.share) => {
+                Some(file.labelled(Label::Polygon(sharp.outline_px)))
+            }
+            // Most of the labels tell by how much this one, too, is too large or too small.
+            _ => file.resized(1.0 / median),
+        });
+        Ok(followed.collect())
     }
 
     fn median_of(&self, figure: impl Fn(&ImageCheck) -> Option<f64>) -> Option<f64> {
@@ -233,6 +204,24 @@ impl ImageCheck {
         }
     }
 
+    /// Returns the outline of something round near a label that was drawn around it, and around the same centre, whatever the colours of the labels.
+    fn sharp_outline(&self, file: &LabelledFile) -> Result<Option<Sharp>> {
+        let Self::Ball { labels, .. } = self else {
+            return Ok(None);
+        };
+        if !file.has_drawn_outline() {
+            return Ok(None);
+        }
+        let (frame, _) = file.load()?;
+        let sharp = near_label((file, &frame), &labels[0])?.and_then(|outline_px| {
+            let circle = Circle::of_outline(&outline_px)?;
+            let share = labels[0].radius_px / circle.radius_px;
+            let is_centered = circle.radii_to(&labels[0]) < FOLLOWED_SHIFT;
+            is_centered.then_some(Sharp { outline_px, share })
+        });
+        Ok(sharp)
+    }
+
     /// Returns the distance between the centres of label and outline in radii of the outline; 0 if they hardly differ.
     fn offset_of_label(&self) -> Option<f64> {
         let (label, outline) = self.label_and_outline()?;
@@ -256,93 +245,4 @@ fn error_of(size: f64) -> Option<f64> {
 
 fn shift_of(offset: f64) -> Option<f64> {
     Some(offset).filter(|offset| *offset > MAX_LABEL_SHIFT)
-}
-
-/// Whether the detector uses the edge profile of the model, or a general soft edge.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum LearntEdge {
-    Used,
-    Ignored,
-}
-
-/// By how much outlines may deviate from those of the camera, pixels: first as in a track, then by what a guessed camera leaves, since a fisheye lens changes a
-/// ball far off its axis by a tenth. The latter alone would take outlines for right that are 5 pixels off those of a ball with a dark side, and find less
-/// of what is clear.
-const TOLERANCES_PX: [Option<f32>; 2] = [None, Some(1.5)];
-
-/// Detects a ball in a view as in the first frame of a track, with default settings, or else as one of which the camera is a guess.
-pub(super) fn detect(
-    frame: &Frame,
-    model: &ColorModel,
-    edge: LearntEdge,
-    view: View,
-) -> Result<Option<Found>> {
-    for tolerance_px in TOLERANCES_PX {
-        let (shape, tracker, target) = observed(frame, model, (edge, tolerance_px), view.clone())?;
-        let known = tracker.estimate(target)?.kinematics;
-        let found = known.and_then(|known| outline_at(&tracker, shape, known.position_m));
-        if found.is_some() {
-            return Ok(found);
-        }
-    }
-    Ok(None)
-}
-
-/// Lets a tracker of a ball observe one frame.
-fn observed(
-    frame: &Frame,
-    model: &ColorModel,
-    (edge, tolerance_px): (LearntEdge, Option<f32>),
-    view: View,
-) -> Result<(Shape, Tracker, TargetId)> {
-    let mut ball = DetectedSettings::ball(RADIUS_M, model.clone())?;
-    ball.edge.learned_profile = edge == LearntEdge::Used;
-    if let Some(tolerance_px) = tolerance_px {
-        ball.tuning.edge.judged_tolerance_px = tolerance_px;
-    }
-    let shape = ball.shape;
-    let mut setup = Tracker::builder();
-    let camera = setup.camera(view);
-    let target = setup.target(ball);
-    let mut tracker = setup.build()?;
-    tracker.observe(&FrameSet::of(camera, frame.clone()))?;
-    Ok((shape, tracker, target))
-}
-
-/// Returns the outline of a ball at a position, as the only camera shows it.
-fn outline_at(tracker: &Tracker, shape: Shape, position_m: [f64; 3]) -> Option<Found> {
-    let view = &tracker.views()[0];
-    let stance = Stance::default();
-    let (camera, pose) = (view.camera(), view.camera_from_world());
-    let outline = shape.outline_px(camera, pose, position_m, stance, OUTLINE_POINTS);
-    let outline_px: Vec<[f64; 2]> = outline.into_iter().flatten().collect();
-    Circle::of_outline(&outline_px).map(|circle| Found { circle, outline_px })
-}
-
-/// Fits the outline of a ball of these colours near a rough outline of it, in a view that shows little else. Nothing need be certain, unlike for [`detect`]:
-/// somebody has said that the ball is there.
-#[cfg(feature = "studio")]
-pub(super) fn fit(
-    frame: &Frame,
-    model: &ColorModel,
-    rough: &Circle,
-    view: View,
-) -> Result<Option<Found>> {
-    for tolerance_px in TOLERANCES_PX {
-        let settings = (LearntEdge::Ignored, tolerance_px);
-        let (shape, tracker, target) = observed(frame, model, settings, view.clone())?;
-        let candidates = tracker.candidates(target)?.flatten();
-        let allowed_px = (ROUGH.0 * rough.radius_px).max(ROUGH.1);
-        let fits = candidates.filter_map(|candidate| {
-            let found = outline_at(&tracker, shape, candidate.position_m?)?;
-            let off_px = rough.radii_to(&found.circle) * rough.radius_px;
-            let larger_px = found.circle.radius_px - rough.radius_px;
-            let is_it = off_px < allowed_px && larger_px.abs() < allowed_px;
-            is_it.then_some((candidate.outline_nats?, found))
-        });
-        if let Some((_, best)) = fits.max_by(|a, b| a.0.total_cmp(&b.0)) {
-            return Ok(Some(best.enlarged(TOO_SMALL_PX)));
-        }
-    }
-    Ok(None)
 }

@@ -25,7 +25,9 @@ const BRIGHTNESS_WEIGHT: f32 = 0.3;
 /// The least contrast of a ball, the mean over the half of the outline that has less. Hand-set: balls before what has another colour have 0.5 and more.
 const MIN_CONTRAST: f32 = 0.3;
 /// The smallest ball that is looked for at a click, in pixels, and the largest, as a share of the shorter side of the image.
+#[cfg(any(feature = "studio", test))]
 const MIN_RADIUS_PX: f64 = 2.5;
+#[cfg(any(feature = "studio", test))]
 const MAX_RADIUS_SHARE: f64 = 0.4;
 /// How much larger the next radius is, and how far the next centre is, in radii.
 const RADIUS_RATIO: f64 = 1.12;
@@ -45,6 +47,7 @@ pub(super) struct Search {
 
 impl Search {
     /// Returns that for a ball of any size at a click.
+    #[cfg(any(feature = "studio", test))]
     pub(super) fn around(frame: &Frame, at: [f64; 2]) -> Self {
         let side = frame.width().min(frame.height()) as f64;
         Self {

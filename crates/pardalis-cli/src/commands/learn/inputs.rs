@@ -123,14 +123,25 @@ impl LabelledFile {
         }
     }
 
-    /// Returns the image with this outline in place of its label; `None` unless that is a single circle or polygon.
-    pub(super) fn with_outline(&self, outline_px: &[[f64; 2]]) -> Option<Self> {
-        let [Label::Circle { .. } | Label::Polygon(_)] = &self.labels[..] else {
+    /// Whether its label is a single circle or polygon, drawn around one body.
+    pub(super) fn has_drawn_outline(&self) -> bool {
+        matches!(self.labels[..], [Label::Circle { .. } | Label::Polygon(_)])
+    }
+
+    /// Returns the image with its label enlarged by this factor; `None` unless that is a single circle.
+    pub(super) fn resized(&self, factor: f64) -> Option<Self> {
+        let [label] = &self.labels[..] else {
             return None;
         };
-        let mut file = self.clone();
-        file.labels = vec![Label::Polygon(outline_px.to_vec())];
-        Some(file)
+        label.resized(factor).map(|label| self.labelled(label))
+    }
+
+    /// Returns the image with this label alone.
+    pub(super) fn labelled(&self, label: Label) -> Self {
+        Self {
+            labels: vec![label],
+            ..self.clone()
+        }
     }
 
     /// Returns the name of the image file, or of the video with the number of the frame: with as many folders before it as tell it from

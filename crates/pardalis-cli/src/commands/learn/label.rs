@@ -33,6 +33,21 @@ pub(super) enum Label {
 }
 
 impl Label {
+    /// Returns a circle enlarged by this factor; `None` of any other label.
+    pub(super) fn resized(&self, factor: f64) -> Option<Self> {
+        let &Self::Circle {
+            center_px,
+            radius_px,
+        } = self
+        else {
+            return None;
+        };
+        Some(Self::Circle {
+            center_px,
+            radius_px: factor * radius_px,
+        })
+    }
+
     /// Parses `X,Y,WIDTH,HEIGHT`.
     pub(super) fn rect(text: &str) -> Result<Self, String> {
         let numbers: Option<Vec<usize>> = text.split(',').map(|n| n.trim().parse().ok()).collect();

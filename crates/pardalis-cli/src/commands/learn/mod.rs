@@ -2,11 +2,12 @@
 
 mod balls;
 mod check;
-#[cfg(feature = "studio")]
 mod contrast;
+mod detector;
 mod evidence;
 mod inputs;
 mod label;
+mod outline;
 mod palette;
 mod pictures;
 mod remedy;
@@ -50,8 +51,8 @@ const EXAMPLES: &str = "Examples:
 /// Label the whole target: along its outline with a mask, a circle or a polygon of 16 corners or more, or with a box drawn
 /// closely around it. From a box around a round target, the colours of the inscribed ellipse are learnt, but not how the edge
 /// blurs into the surroundings; a rectangular target that fills its box is learnt as it is. Labels that touch the image
-/// border are not used to learn the edge. Circles and polygons that are all larger than the sharp outlines of balls in the images by
-/// the same share, or all smaller, give way to these outlines.
+/// border are not used to learn the edge. Circles and polygons of which most are larger than the sharp outlines of balls in the images
+/// by the same share, or smaller, give way to these outlines.
 ///
 /// Afterwards the detector of `track` is run on the images. The report says in which of them a labelled ball was found and
 /// where, whether the labels fit the outlines, and the command that helps if not. `Good` means that all balls were found.
@@ -139,10 +140,10 @@ impl Lesson {
     }
 }
 
-/// Learns from labels, or from the outlines in their images if these are sharp and the labels are all too large or too small.
+/// Learns from labels, or from the outlines in their images if these are sharp and most of the labels are too large or too small.
 fn learn(files: &[LabelledFile], palette: Palette) -> Result<Lesson> {
     let drawn = Lesson::of(files, files, palette)?;
-    let Some(outlined) = drawn.check.followed(files) else {
+    let Some(outlined) = drawn.check.followed(files)? else {
         return Ok(drawn);
     };
     let followed = Lesson::of(&outlined, files, palette)?;

@@ -49,7 +49,7 @@ impl fmt::Display for Report<'_> {
         if self.follows_outlines {
             writeln!(
                 f,
-                "The outlines in the images were learnt in place of the labels, all of which are larger or smaller by the same share."
+                "The outlines in the images were learnt in place of the labels, most of which are larger or smaller by the same share."
             )?;
         }
         self.write_bins(f)?;

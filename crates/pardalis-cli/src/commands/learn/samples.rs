@@ -5,21 +5,18 @@ use std::path::PathBuf;
 use anyhow::Result;
 use pardalis::Frame;
 use pardalis::color::{ColorModel, Palette};
-use pardalis_camera::{Camera, Mask};
+use pardalis_camera::Camera;
 use pardalis_images::RgbImage;
 
 use super::Lesson;
-use super::balls::Circle;
-use super::check::fit;
 use super::contrast::{Search, ball_of_contrast};
 use super::evidence::Evidence;
 use super::inputs::LabelledFile;
 use super::label::Label;
+use super::outline::refined;
 use crate::draw::picture::picture_of;
 use crate::user_error::user_error;
 
-/// Around what was pointed at, an outline is looked for within this many radii.
-const SEARCHED_RADII: f64 = 2.0;
 /// The radius of what fills a box, as a share of half its sides. Hand-set: boxes are hardly drawn more roughly.
 const FILLED: std::ops::RangeInclusive<f64> = 0.6..=1.15;
 /// Of 3 x 3 pixels, a majority.
@@ -70,11 +67,9 @@ pub(crate) fn outline_of(
     lens: Option<Camera>,
     pointed: Pointed,
 ) -> Result<Vec<[f64; 2]>> {
-    let file = |label| {
-        let image = PathBuf::from("image");
-        LabelledFile::of_frame(image, (0, frame.clone()), lens.clone(), label)
-    };
-    let camera = file(Label::Polygon(Vec::new())).lens(frame)?;
+    let label = Label::Polygon(Vec::new());
+    let file = LabelledFile::of_frame(PathBuf::from("image"), (0, frame.clone()), lens, label);
+    let camera = file.lens(frame)?;
     let rough_px = match pointed {
         Pointed::At(at) => {
             ball_of_contrast(frame, &camera, &Search::around(frame, at)).ok_or_else(|| {
@@ -97,24 +92,7 @@ pub(crate) fn outline_of(
             }
         }
     };
-    // A label has no corners beyond the image.
-    let sides = [frame.width(), frame.height()].map(|side| side as f64);
-    let inside = |at: [f64; 2]| [0, 1].map(|axis| at[axis].clamp(0.0, sides[axis]));
-    let mut outline_px: Vec<[f64; 2]> = rough_px.into_iter().map(inside).collect();
-    let Some(rough) = Circle::of_outline(&outline_px) else {
-        return Ok(outline_px);
-    };
-    // Twice, the second time with the colours inside of what was found rather than those of a guess.
-    for _ in 0..2 {
-        let file = file(Label::Polygon(outline_px.clone()));
-        let view = file.view(frame, Some(near(frame, &rough)?))?;
-        let model = Evidence::gather(&[file], Palette::HSI)?.model()?;
-        // Its colours may be found, but not its edge, as of something small.
-        if let Some(found) = fit(frame, &model, &rough, view)? {
-            outline_px = found.outline_px.into_iter().map(inside).collect();
-        }
-    }
-    Ok(outline_px)
+    refined((&file, frame), rough_px)
 }
 
 /// Returns the corners of the box in which something that is no ball was pointed at.
@@ -206,20 +184,6 @@ impl Learnt {
     }
 }
 
-/// Returns the part of an image around a circle.
-fn near(frame: &Frame, circle: &Circle) -> Result<Mask> {
-    let (width, height) = (frame.width(), frame.height());
-    let searched = SEARCHED_RADII * circle.radius_px.max(4.0);
-    let grey: Vec<u8> = (0..width * height)
-        .map(|index| {
-            let [u, v] = circle.center_px;
-            let (x, y) = ((index % width) as f64 - u, (index / width) as f64 - v);
-            if libm::hypot(x, y) < searched { 255 } else { 0 }
-        })
-        .collect();
-    Ok(Mask::from_grey(width, height, &grey)?)
-}
-
 /// Returns a box as a label.
 fn boxed(frame: &Frame, a: [f64; 2], b: [f64; 2]) -> Result<Label> {
     let sides = [frame.width(), frame.height()];
@@ -244,6 +208,7 @@ mod tests {
     use pardalis_camera::Equidistant;
 
     use super::*;
+    use crate::commands::learn::balls::Circle;
     use crate::source::decode::decode_image;
 
     /// Frames of the bundled sequence of a fisheye camera, and the circle with the centre and area of the ball's outline in each, from truth.csv and
