@@ -475,6 +475,7 @@ impl DetectedTarget {
             settings: self.edge.settings(),
             tuning: &self.tuning.adaptation,
             time_s: instant.time_s,
+            is_of_crowd: self.member.is_some(),
         };
         for (camera, frame) in instant.frames {
             let frame = (&instant.views[*camera], frame);
@@ -609,15 +610,6 @@ impl DetectedTarget {
         self.filter
             .start(start, existence)
             .expect("starts are checked before");
-    }
-
-    /// Derives the track's state from existence, visibility and confidence. One that may be at several places is not found.
-    fn decide(&mut self, is_found: bool, time_s: f64) {
-        let tuning = &self.tuning.existence;
-        let least = [tuning.found_confidence, tuning.lost_confidence];
-        let confidence = if is_found { self.confidence() } else { 0.0 };
-        let decisive = (self.filter.existence(), confidence);
-        self.track.decide(decisive, least, time_s);
     }
 
     /// The probability that the target exists and lies within one diameter of the estimate.

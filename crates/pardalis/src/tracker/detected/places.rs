@@ -1,4 +1,4 @@
-//! Where a target is that is not known yet: at one of the detections, and not between two that look alike.
+//! Whether a target is found, and where: at one of the detections, and not between two that look alike.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -96,5 +96,14 @@ impl DetectedTarget {
         associated
             .iter()
             .position(|found| (here - Vector3::from(found.component.position_m)).norm() < near_m)
+    }
+
+    /// Derives the track's state from existence, visibility and confidence. One that may be at several places is not found.
+    pub(super) fn decide(&mut self, is_found: bool, time_s: f64) {
+        let tuning = &self.tuning.existence;
+        let least = [tuning.found_confidence, tuning.lost_confidence];
+        let confidence = if is_found { self.confidence() } else { 0.0 };
+        let decisive = (self.filter.existence(), confidence);
+        self.track.decide(decisive, least, time_s);
     }
 }
