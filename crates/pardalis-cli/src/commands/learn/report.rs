@@ -168,9 +168,14 @@ impl Report<'_> {
             Verdict::Good
                 if self.check.label_error().is_some() || self.check.label_shift().is_some() =>
             {
+                let labels = if self.follows_outlines {
+                    "; its outlines were learnt in place of the labels, which do not follow them"
+                } else {
+                    ", but the labels do not follow its outline"
+                };
                 writeln!(
                     f,
-                    "Fair: the target stands out by its colours, but the labels do not follow its outline; see below."
+                    "Fair: the target stands out by its colours{labels}; see below."
                 )
             }
             Verdict::Good => writeln!(

@@ -65,8 +65,8 @@ pub(super) struct CandidateSearch {
     /// What moves in the latest frame of a single camera.
     moving: BlobSearch,
     rays: Vec<Ray>,
-    /// Whether no frames of other times will tell what the target is: the largest circles inside blobs are candidates, too.
-    pub(super) is_single_instant: bool,
+    /// Whether the largest circles inside blobs are candidates, too.
+    pub(super) with_circles: bool,
     /// Whether there are no candidates where look-alikes have been found.
     pub(super) leaves_found: bool,
     /// The time of the frame that was compared last, seconds.
@@ -104,7 +104,7 @@ impl CandidateSearch {
                 .collect(),
             moving: BlobSearch::new(blobs, level),
             rays: Vec::new(),
-            is_single_instant: false,
+            with_circles: false,
             leaves_found: false,
             compared_s: None,
             circles: Vec::new(),
@@ -194,7 +194,7 @@ impl CandidateSearch {
             geometry,
             blobs: search,
             rays,
-            is_single_instant,
+            with_circles,
             leaves_found,
             circles,
             ..
@@ -235,7 +235,7 @@ impl CandidateSearch {
                 rays.push(ray);
             }
             let round = geometry.ground_z_m.is_none() && matches!(geometry.shape, Shape::Sphere(_));
-            if *is_single_instant && round {
+            if *with_circles && round {
                 for number in 0..search.found().len() {
                     circles.extend(geometry.in_circle((edge, frame), search, number, size));
                 }

@@ -417,9 +417,9 @@ impl DetectedTarget {
     ) -> Estimate {
         self.predict(instant.time_s, 0.0);
         // A track may be misled by them for a long time, and finds the ball in another frame, where it is by itself.
-        self.detector.candidates.is_single_instant = true;
+        self.detector.candidates.with_circles = true;
         self.observe(instant, statistics, look_alikes);
-        self.detector.candidates.is_single_instant = false;
+        self.detector.candidates.with_circles = false;
         self.estimate(0.0)
     }
 

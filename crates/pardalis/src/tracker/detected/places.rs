@@ -51,8 +51,8 @@ fn nearest(places: &[Place], position_m: [f64; 3]) -> usize {
 }
 
 impl DetectedTarget {
-    /// Returns whether the target, if it exists, is at one of the detections rather than at any of them. If no other frames will tell, the particles
-    /// elsewhere are left out then.
+    /// Returns whether the target, if it exists, is at one of the detections rather than at any of them. Leaves out the particles elsewhere then: the mean of all is
+    /// between the detections.
     pub(super) fn is_at_one_place(&mut self, associated: &[AssociatedDetection]) -> bool {
         let tuning = &self.tuning.existence;
         let places = &mut self.buffers.places;
@@ -82,7 +82,7 @@ impl DetectedTarget {
             }
         }
         let is_at_one = share >= tuning.found_share;
-        if is_at_one && self.detector.candidates.is_single_instant {
+        if is_at_one {
             self.filter
                 .keep(|position_m| places[nearest(places, position_m)].is_kept);
         }
