@@ -256,8 +256,10 @@ tuned! {
         found_confidence: f64 = 0.25, "share", "hand-set: its distance may be less certain than a diameter";
         /// From this share of the particles at one of the detections on, a target is found there: it may be another that looks alike.
         found_share: f64 = 0.8, "share", "hand-set";
-        /// Up to this many standard deviations between them, detections are at one place.
+        /// Up to this many standard deviations between them, detections are at one place, ...
         same_place_sigmas: f64 = 3.0, "standard deviations", "hand-set";
+        /// ... and up to this distance across the rays on which all cameras see them.
+        same_place_diameters: f64 = 0.5, "diameters", "hand-set: outlines of one ball that is partly hidden";
         /// Below this confidence a target is lost.
         lost_confidence: f64 = 0.01, "share", "hand-set";
     }

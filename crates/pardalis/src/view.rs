@@ -195,6 +195,12 @@ impl View {
         &self.camera_from_world
     }
 
+    /// The camera's viewpoint in the world, metres: of fisheye cameras and mirrors the one from which far points are seen.
+    pub(crate) fn viewpoint_m(&self) -> Vector3<f64> {
+        let viewpoint = Point3::from(self.camera().viewpoint_m());
+        (self.world_from_camera() * viewpoint).coords
+    }
+
     /// Returns the width and height of the images in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)

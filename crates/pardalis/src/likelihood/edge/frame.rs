@@ -208,9 +208,7 @@ impl<'a> EdgeFrame<'a> {
 
     /// The point that outlines are seen from, in the world, metres.
     pub(crate) fn viewpoint_m(&self) -> Vector3<f64> {
-        let view = self.prepared.view();
-        let viewpoint = Point3::from(view.camera().viewpoint_m());
-        (view.world_from_camera() * viewpoint).coords
+        self.prepared.view().viewpoint_m()
     }
 
     /// Returns whether a point of the image lies within the outline of a look-alike.

@@ -375,7 +375,7 @@ impl DetectedTarget {
         );
 
         self.buffers.frames = emptied(frames);
-        let is_found = self.track.is_known() || self.is_at_one_place(&associated);
+        let is_found = self.track.is_known() || self.is_at_one_place(instant, &associated);
         let number = self.at_estimate(&associated);
         let target = number.map(|number| &associated[number]);
         self.take(target, &predicted, time_s);

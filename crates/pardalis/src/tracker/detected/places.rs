@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::DetectedTarget;
 use super::association::AssociatedDetection;
+use crate::tracker::track::Instant;
 use pardalis_filter::bernoulli::MeasurementComponent;
 
 /// Where a detection is, and how much of the weight of the particles is there.
@@ -36,6 +37,12 @@ impl Place {
         let information = both_m2.try_inverse();
         information.is_some_and(|information| off_m.dot(&(information * off_m)) > sigmas * sigmas)
     }
+
+    /// How far it is from the ray on which another is seen from a viewpoint, all in metres.
+    fn across_m(&self, other: &Self, viewpoint_m: Vector3<f64>) -> f64 {
+        let to_other = other.position_m - viewpoint_m;
+        to_other.cross(&(self.position_m - viewpoint_m)).norm() / to_other.norm()
+    }
 }
 
 /// The number of the place from which a position (metres) is fewest standard deviations away.
@@ -53,8 +60,13 @@ fn nearest(places: &[Place], position_m: [f64; 3]) -> usize {
 impl DetectedTarget {
     /// Returns whether the target, if it exists, is at one of the detections rather than at any of them. Leaves out the particles elsewhere then: the mean of all is
     /// between the detections.
-    pub(super) fn is_at_one_place(&mut self, associated: &[AssociatedDetection]) -> bool {
+    pub(super) fn is_at_one_place(
+        &mut self,
+        instant: &Instant,
+        associated: &[AssociatedDetection],
+    ) -> bool {
         let tuning = &self.tuning.existence;
+        let same_m = tuning.same_place_diameters * self.diameter_m();
         let places = &mut self.buffers.places;
         places.clear();
         places.extend(
@@ -76,7 +88,15 @@ impl DetectedTarget {
         };
         let mut share = 0.0;
         for place in places.iter_mut() {
-            place.is_kept = !place.is_distinct_from(&likeliest, tuning.same_place_sigmas);
+            // In one direction there are several distances, or several outlines, of one target.
+            let is_elsewhere_in = |camera: usize| {
+                let viewpoint_m = instant.views[camera].viewpoint_m();
+                place.across_m(&likeliest, viewpoint_m) > same_m
+            };
+            let mut cameras = instant.frames.iter().map(|(camera, _)| *camera);
+            let is_elsewhere = cameras.any(is_elsewhere_in);
+            place.is_kept =
+                !(is_elsewhere && place.is_distinct_from(&likeliest, tuning.same_place_sigmas));
             if place.is_kept {
                 share += place.share;
             }
