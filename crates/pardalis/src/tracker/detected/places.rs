@@ -74,16 +74,17 @@ impl DetectedTarget {
                 .iter()
                 .filter_map(|found| Place::of(&found.component)),
         );
+        if places.len() < 2 {
+            return true;
+        }
         let particles = self.filter.particles();
         for (particle, weight) in self.filter.weights().iter().enumerate() {
-            if places.len() > 1 {
-                let place = nearest(places, particles.position_m(particle));
-                places[place].share += weight;
-            }
+            let place = nearest(places, particles.position_m(particle));
+            places[place].share += weight;
         }
         let likeliest = places.iter().copied();
         let likeliest = likeliest.reduce(|a, b| if b.share > a.share { b } else { a });
-        let Some(likeliest) = likeliest.filter(|_| places.len() > 1) else {
+        let Some(likeliest) = likeliest else {
             return true;
         };
         let mut share = 0.0;
