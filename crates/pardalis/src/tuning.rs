@@ -276,8 +276,6 @@ tuned! {
         unoccluded_share: f32 = 0.75, "share", "hand-set";
         /// The weight of one frame in the running mean of the colours around the target.
         surrounding_rate: f32 = 0.1, "share", "hand-set";
-        /// The same where something else has come, as a share of that: it may stay.
-        changed_surrounding_share: f32 = 0.15, "share", "hand-set: what comes is known after three seconds at 25 frames a second";
         /// The time constant of adaptation to illumination.
         illumination_s: f64 = 0.5, "seconds", "hand-set: lamps change faster, clouds slower";
         /// The time constant with which illumination is forgotten while the target is not seen.

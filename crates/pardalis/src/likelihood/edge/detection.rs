@@ -225,12 +225,12 @@ impl Detection {
         (lines.visible_share >= tuning.unoccluded_share).then_some(lines.body_color)
     }
 
-    /// Updates what surrounds the target in a camera's image: slowly, and in sectors into which something else has come by this share of that.
+    /// Updates what surrounds the target in a camera's image: slowly, and not in sectors into which something else has come.
     pub(crate) fn update_surrounding(
         &self,
         camera: usize,
         known: &mut Option<Surrounding>,
-        (changed_share, tuning): (f32, &AdaptationTuning),
+        tuning: &AdaptationTuning,
     ) {
         let Some(lines) = self.lines_of(camera).next() else {
             return;
@@ -241,7 +241,7 @@ impl Detection {
             if is_new(sector) {
                 1.0
             } else {
-                tuning.surrounding_rate * lines.unchanged[sector].max(changed_share)
+                tuning.surrounding_rate * lines.unchanged[sector]
             }
         });
         for ((known, seen), rate) in known.iter_mut().zip(&lines.surrounding).zip(rates) {

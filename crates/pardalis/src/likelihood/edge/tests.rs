@@ -407,7 +407,7 @@ fn what_has_come_between_does_not_make_a_small_body_smaller() {
     let (whole, _) = picture(place_m, SIZE.0);
     let mut around = None;
     let seen = fitted(&whole, place_m, None).unwrap();
-    seen.update_surrounding(0, &mut around, (0.0, &AdaptationTuning::DEFAULT));
+    seen.update_surrounding(0, &mut around, &AdaptationTuning::DEFAULT);
     // The right third of it is hidden.
     let (partly, _) = picture(place_m, 86);
     let naive = fitted(&partly, place_m, None).unwrap();

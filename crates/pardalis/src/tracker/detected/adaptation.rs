@@ -34,8 +34,6 @@ pub(super) struct Certain<'a> {
     pub(super) settings: &'a EdgeSettings,
     pub(super) tuning: &'a AdaptationTuning,
     pub(super) time_s: f64,
-    /// Whether it is a member of a crowd.
-    pub(super) is_of_crowd: bool,
 }
 
 impl Adaptation {
@@ -59,14 +57,7 @@ impl Adaptation {
     ) {
         let detection = certain.detection;
         if let Some(detection) = detection.filter(|_| certain.settings.background_model) {
-            // What comes near a member of a crowd is another that may hide it.
-            let changed_share = if certain.is_of_crowd {
-                0.0
-            } else {
-                certain.tuning.changed_surrounding_share
-            };
-            let rates = (changed_share, certain.tuning);
-            detection.update_surrounding(camera, &mut self.surrounding, rates);
+            detection.update_surrounding(camera, &mut self.surrounding, certain.tuning);
         }
         let adapts = certain.settings.illumination_adaptation;
         let Some(known) = certain.colors.body().filter(|_| adapts) else {

@@ -475,7 +475,6 @@ impl DetectedTarget {
             settings: self.edge.settings(),
             tuning: &self.tuning.adaptation,
             time_s: instant.time_s,
-            is_of_crowd: self.member.is_some(),
         };
         for (camera, frame) in instant.frames {
             let frame = (&instant.views[*camera], frame);
