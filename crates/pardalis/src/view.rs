@@ -195,7 +195,7 @@ impl View {
         &self.camera_from_world
     }
 
-    /// The camera's viewpoint in the world, metres: of fisheye cameras and mirrors the one from which far points are seen.
+    /// The point that outlines are seen from, in the world, metres.
     pub(crate) fn viewpoint_m(&self) -> Vector3<f64> {
         let viewpoint = Point3::from(self.camera().viewpoint_m());
         (self.world_from_camera() * viewpoint).coords
