@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use crate::smoother::GRAVITY_MPS2;
+use crate::modes::GRAVITY_MPS2;
 use pardalis_core::Error;
 
 /// Priors of the drag and the spin of bodies in flight.

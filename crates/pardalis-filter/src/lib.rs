@@ -10,7 +10,7 @@
 //! - [`BernoulliFilter`](bernoulli::BernoulliFilter), which also estimates the probability that the
 //!   target exists. It marginalises the velocity of each particle (Rao-Blackwellisation).
 //!
-//! The [smoother] improves the track of a recording once it is over, and [flight] predicts when and where a thrown body crosses a plane.
+//! [Modes](modes), or ways to move, give better velocities. The [smoother] improves the track of a recording once it is over, and [flight] predicts when and where a thrown body crosses a plane.
 //!
 //! # Example
 //!
@@ -73,6 +73,7 @@
 //! - [`gaussian`]: Gaussian priors, and their transformation between world frames.
 //! - [`resample`]: multinomial, stratified, systematic and residual resampling.
 //! - [`estimate`]: the result of a filter.
+//! - [`modes`]: ways to move, and how fast a target moves.
 //! - [`smoother`]: smoothing of recordings, and contacts.
 //! - [`flight`]: free flight, and where it leads.
 
@@ -82,6 +83,7 @@ pub mod flight;
 pub mod gaussian;
 mod likelihood;
 mod measurement;
+pub mod modes;
 pub mod motion;
 pub mod particle_filter;
 mod particles;

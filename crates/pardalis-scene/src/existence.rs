@@ -62,6 +62,12 @@ pub(super) fn read_existence(
             "Standard deviation of the change of velocity in a jump, on each axis.",
             default.velocity_jump_sigma_mps,
         );
+        settings.motion_modes = existence
+            .key(
+                "motion_modes",
+                "Whether velocities are those of a mixture of ways to move: rolling or at rest, moved by somebody, in free flight, or hit. Otherwise they are those of the motion model. Targets with a detector always have the latter.",
+            )
+            .or(default.motion_modes);
         settings.calming_rate_hz = rate(
             "calming_rate_hz",
             "Rate at which a target that moves as its motion model says becomes calm, so that its velocity hardly changes; 0 if it never does. For targets that mostly roll, drive or rest: 0.5.",

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::filter::estimate::StateEstimate;
-use pardalis::filter::smoother::{Contact, Measured, SmootherSettings, contacts, smooth};
+use pardalis::filter::modes::{Measured, ModeSettings};
+use pardalis::filter::smoother::{Contact, contacts, smooth};
 use pardalis::tracker::{BodyMeasurement, TrackState};
 use pardalis::{Estimate, TargetId};
 use pardalis_scene::{Scene, TargetConfig};
@@ -76,9 +77,9 @@ impl SmoothedTracks {
             let is_planar = |m: &BodyMeasurement| m.covariance_m2[5] == 0.0;
             let mut of_rows = rows.iter().filter_map(|row| row.measurement.as_ref());
             let settings = if of_rows.next().is_some_and(is_planar) {
-                SmootherSettings::planar()
+                ModeSettings::planar()
             } else {
-                SmootherSettings::default()
+                ModeSettings::default()
             };
             let states = smooth(&measured, &settings);
             let contacts = contacts(&measured, &states, &settings);

@@ -1,5 +1,6 @@
 use super::*;
-use nalgebra::{DMatrix, DVector};
+use crate::modes::{GRAVITY_MPS2, Way, matrix_of};
+use nalgebra::{DMatrix, DVector, Vector6};
 use pardalis_core::rng::{Draws, Stage};
 
 const STEP_S: f64 = 0.04;
@@ -10,11 +11,14 @@ fn noise(number: u32) -> Vector3<f64> {
     Vector3::new(f64::from(x), f64::from(y), f64::from(z))
 }
 
-/// Settings of which only this mode counts.
-fn single(density_m2ps3: f64) -> SmootherSettings {
-    let mut settings = SmootherSettings::default();
-    for mode in &mut settings.modes {
-        *mode = Mode {
+/// Settings of which only this way to move counts.
+fn single(density_m2ps3: f64) -> ModeSettings {
+    let mut settings = ModeSettings {
+        hit_rate_hz: 0.0,
+        ..ModeSettings::default()
+    };
+    for way in &mut settings.ways {
+        *way = Way {
             acceleration_mps2: [0.0; 3],
             density_m2ps3,
             leave_hz: 1.0,
@@ -66,7 +70,7 @@ fn one_mode_gives_what_least_squares_over_all_states_gives() {
             mean: Vector6::zeros(),
             covariance: Matrix6::zeros(),
         };
-        let process = state.predicted(&settings.modes[0], dt_s).covariance;
+        let process = state.moved(&settings.ways[0], dt_s).covariance;
         let weight = process.try_inverse().unwrap();
         let step = transition_of(dt_s);
         let (a, b) = (6 * number, 6 * number + 6);
@@ -130,7 +134,7 @@ fn thrown(time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
 
 /// The root mean square error of the position (m), the median one of the velocity (m/s), and the mean NEES of the position. In the frames at a contact, it is open whether the
 /// velocity is that before or after it.
-fn errors(states: &[Option<SmoothedState>]) -> [f64; 3] {
+fn errors(states: &[Option<ModeState>]) -> [f64; 3] {
     let (mut position, mut velocities, mut nees) = (0.0, Vec::new(), 0.0);
     for (number, state) in (0..).zip(states) {
         let state = state.unwrap();
@@ -163,7 +167,7 @@ fn measured_throw() -> Vec<Measured> {
 #[test]
 fn a_throw_is_smoother_and_its_modes_are_told() {
     let measured = measured_throw();
-    let states = smooth(&measured, &SmootherSettings::default());
+    let states = smooth(&measured, &ModeSettings::default());
     let [position_m, velocity_mps, nees] = errors(&states);
     // The measurements are off by 4.6 cm.
     assert!(position_m < 0.025, "{position_m}");
@@ -183,7 +187,7 @@ fn what_is_hidden_in_flight_is_filled_in() {
     for one in &mut measured[15..20] {
         one.position = None;
     }
-    let states = smooth(&measured, &SmootherSettings::default());
+    let states = smooth(&measured, &ModeSettings::default());
     for number in 15..20 {
         let state = states[number].unwrap();
         let off = Vector3::from(state.position_m) - thrown(STEP_S * number as f64).0;
@@ -197,12 +201,12 @@ fn nothing_is_said_before_the_first_and_after_the_last_measurement() {
     for number in [0, 1, 58, 59] {
         measured[number].position = None;
     }
-    let states = smooth(&measured, &SmootherSettings::default());
+    let states = smooth(&measured, &ModeSettings::default());
     let known: Vec<bool> = states.iter().map(Option::is_some).collect();
     assert!(known[2..58].iter().all(|known| *known));
     assert!(!known[0] && !known[1] && !known[58] && !known[59]);
     let none: Vec<Measured> = measured[..2].to_vec();
-    assert_eq!(smooth(&none, &SmootherSettings::default()), [None, None]);
+    assert_eq!(smooth(&none, &ModeSettings::default()), [None, None]);
 }
 
 #[test]
@@ -218,7 +222,7 @@ fn targets_on_a_plane_stay_on_it() {
         }
     };
     let measured: Vec<Measured> = (0..40).map(one).collect();
-    for state in smooth(&measured, &SmootherSettings::planar()) {
+    for state in smooth(&measured, &ModeSettings::planar()) {
         let state = state.unwrap();
         assert!((state.position_m[2] - 0.4).abs() < 1e-6, "{state:?}");
         assert!(state.velocity_mps[2].abs() < 1e-3 && state.modes[2] == 0.0);
@@ -229,7 +233,7 @@ fn targets_on_a_plane_stay_on_it() {
 #[test]
 fn contacts_are_found_within_half_a_frame() {
     let measured = measured_throw();
-    let settings = SmootherSettings::default();
+    let settings = ModeSettings::default();
     let states = smooth(&measured, &settings);
     let found = contacts(&measured, &states, &settings);
     let times_s: Vec<f64> = found.iter().map(|contact| contact.time_s).collect();

@@ -120,6 +120,8 @@ pub struct ExistenceSettings {
     pub velocity_jump_rate_hz: f64,
     /// Standard deviation of such a change, on each axis, m/s.
     pub velocity_jump_sigma_mps: f64,
+    /// Whether velocities are those of a mixture of [modes](pardalis_filter::modes): the target rolls or rests, is moved, flies or is hit. Otherwise they are those of the motion model.
+    pub motion_modes: bool,
     /// How often a target that moves as its motion model says becomes calm, Hz; 0 if it never does. The velocity of a calm target hardly changes.
     pub calming_rate_hz: f64,
     /// How often a calm target begins to move as its motion model says, Hz.
@@ -140,6 +142,7 @@ impl Default for ExistenceSettings {
             relocation_rate_hz: 0.02,
             velocity_jump_rate_hz: 1.0,
             velocity_jump_sigma_mps: 4.0,
+            motion_modes: true,
             calming_rate_hz: 0.0,
             rousing_rate_hz: 1.5,
             occlusion: OcclusionRates::default(),

@@ -23,3 +23,4 @@ mod seek;
 mod size;
 mod spread;
 mod streaks;
+mod velocity;

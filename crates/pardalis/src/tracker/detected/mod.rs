@@ -23,6 +23,7 @@ mod streaks;
 mod tests;
 mod untriggered;
 mod update;
+mod velocity;
 mod visibility;
 
 pub(super) use association::assigned_nats;
@@ -61,10 +62,12 @@ use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
+use pardalis_filter::modes::ModeFilter;
 use places::Place;
 use size::Size;
 use untriggered::Sights;
 use update::{Measurement, update};
+use velocity::mode_filter;
 
 /// A body that the tracker detects itself.
 pub(super) struct DetectedTarget {
@@ -81,6 +84,8 @@ pub(super) struct DetectedTarget {
     birth_density: f64,
     edge: EdgeCue,
     filter: BernoulliFilter,
+    /// How the target moves; `None` if velocities are those of the filter.
+    modes: Option<ModeFilter>,
     detector: Detector,
     /// Those of another program, if there is one.
     boxes: Option<Boxes>,
@@ -188,6 +193,11 @@ impl DetectedTarget {
             )?,
             colors: settings.colors.clone(),
             existence,
+            modes: mode_filter(
+                &existence,
+                is_planar,
+                tuning.existence.birth_velocity_sigma_mps,
+            ),
             tuning,
             birth_density,
             filter,
@@ -279,11 +289,13 @@ impl DetectedTarget {
         }
         if let Some((start, since_s)) = self.track.take_reinitialization() {
             self.begin(&start, 1.0);
+            self.begin_velocity(since_s, &start);
             self.advance(time_s, (time_s - since_s).max(0.0));
         } else if self.track.has_started() {
             self.advance(time_s, dt_s);
         } else if let Some(start) = self.start {
             self.begin(&start, 1.0);
+            self.begin_velocity(time_s, &start);
             self.advance(time_s, 0.0);
         } else {
             self.filter
@@ -394,6 +406,7 @@ impl DetectedTarget {
         }
         let found = target.map(|target| target.detection);
         self.decide(is_found, time_s);
+        self.follow_velocity(time_s);
         if let Some(found) = found {
             self.turn_to(found);
         }
@@ -556,6 +569,7 @@ impl DetectedTarget {
             velocity_sigma_mps: [self.tuning.existence.birth_velocity_sigma_mps; 3],
         };
         self.begin(&start, self.filter.existence());
+        self.begin_velocity(time_s, &start);
         self.detected = Some(component);
         self.measured_m = None;
         let detection = &self.detector.detections()[associated[number].detection];
@@ -638,6 +652,9 @@ impl DetectedTarget {
         }
         self.agreement.reset(&self.tuning.agreement);
         self.challenge.reset();
+        if let Some(modes) = &mut self.modes {
+            modes.reset();
+        }
         self.outline = Outline::default();
         self.sights.reset();
         self.others.clear();
@@ -679,6 +696,7 @@ impl DetectedTarget {
         }
         if let Some(known) = &mut kinematics {
             self.add_shared(&mut known.covariance_m2);
+            self.set_velocity(known, ahead_s);
         }
         let size = self.size.known();
         let heading = self.heading.filter(|_| is_known);
