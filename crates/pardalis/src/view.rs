@@ -121,6 +121,11 @@ impl View {
         (self.world_from_camera * Point3::from(shown_m)).into()
     }
 
+    /// The greatest time between that of the frame set and the exposure of a row, in seconds.
+    pub(crate) fn skew_s(&self) -> f64 {
+        self.later_s.abs() + 0.5 * self.height as f64 * self.line_delay_s.abs()
+    }
+
     /// Moves the camera to a pose, where it has this motion.
     pub(crate) fn place(&mut self, world_from_camera: Pose, motion: CameraMotion) {
         self.world_from_camera = world_from_camera;

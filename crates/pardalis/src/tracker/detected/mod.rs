@@ -333,6 +333,11 @@ impl DetectedTarget {
         let mut frames = emptied(std::mem::take(&mut self.buffers.frames));
         let colors = (self.edge.palette(), self.edge.ranges());
         let known = self.certain_motion();
+        let skews_s = instant
+            .frames
+            .iter()
+            .map(|(camera, _)| instant.views[*camera].skew_s());
+        let skew_s = skews_s.filter(|_| known.is_none()).fold(0.0, f64::max);
         frames.extend(instant.frames.iter().map(|(camera, frame)| {
             let view = &instant.views[*camera];
             let (image, adaptation) = (&self.images[*camera], &self.adaptations[*camera]);
@@ -406,7 +411,7 @@ impl DetectedTarget {
         }
         let found = target.map(|target| target.detection);
         self.decide(is_found, time_s);
-        self.follow_velocity(time_s);
+        self.follow_velocity(time_s, skew_s);
         if let Some(found) = found {
             self.turn_to(found);
         }
@@ -438,10 +443,11 @@ impl DetectedTarget {
 
     /// The predicted position (metres) and velocity (m/s) of a target that is known.
     fn certain_motion(&self) -> Option<([f64; 3], [f64; 3])> {
-        let known = self
+        let mut known = self
             .filter
             .estimate(0.0)
             .filter(|_| self.track.is_known())?;
+        self.set_velocity(&mut known, self.since_s);
         Some((known.position_m, known.velocity_mps?))
     }
 

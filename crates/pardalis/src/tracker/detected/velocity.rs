@@ -37,9 +37,15 @@ impl DetectedTarget {
         }
     }
 
-    /// Takes what the latest frames measured, at a time in seconds.
-    pub(super) fn follow_velocity(&mut self, time_s: f64) {
-        let measurement = self.measurement();
+    /// Takes what the latest frames measured, at a time in seconds. If nothing was known of the motion, they showed the target where it was up to `skew_s` earlier or later.
+    pub(super) fn follow_velocity(&mut self, time_s: f64, skew_s: f64) {
+        let mut measurement = self.measurement();
+        if let Some(measurement) = &mut measurement {
+            let off_m = skew_s * self.tuning.existence.birth_velocity_sigma_mps;
+            for at in [0, 3, 5] {
+                measurement.covariance_m2[at] += off_m * off_m;
+            }
+        }
         let Some(modes) = &mut self.modes else { return };
         let state = self.track.state();
         if state == TrackState::Lost {
