@@ -34,6 +34,9 @@ pub(crate) struct Detection {
     pub(super) camera_count: usize,
     /// By how much each camera shows it beside its projection, by the camera's number.
     pub(super) offsets: Vec<Offset>,
+    /// The mean Y, U and V within its outline, by the camera's number, in the octave in which it is judged: colour models have those of that octave. Finer ones show the rim alone, where
+    /// fingers, blur and shadow are.
+    pub(super) body_colors: Vec<[f32; 3]>,
     /// The number of the candidate from which it was fitted.
     candidate: usize,
 }
@@ -212,7 +215,7 @@ impl Detection {
     /// The mean Y, U and V within its outline, for each camera that sees it.
     pub(crate) fn body_colors(&self) -> impl Iterator<Item = (usize, [f32; 3])> {
         let lines = self.lines().iter();
-        lines.map(|lines| (lines.camera, lines.body_color))
+        lines.map(|lines| (lines.camera, self.body_colors[lines.camera]))
     }
 
     /// The same for one camera; `None` if that does not see it unoccluded.
@@ -222,7 +225,7 @@ impl Detection {
         tuning: &AdaptationTuning,
     ) -> Option<[f32; 3]> {
         let lines = self.lines_of(camera).next()?;
-        (lines.visible_share >= tuning.unoccluded_share).then_some(lines.body_color)
+        (lines.visible_share >= tuning.unoccluded_share).then_some(self.body_colors[camera])
     }
 
     /// Updates what surrounds the target in a camera's image: slowly, and not in sectors into which something else has come.
@@ -299,6 +302,7 @@ impl Detections {
         let detection = |_| Detection {
             lines: lines(),
             offsets: vec![Offset::default(); cameras],
+            body_colors: vec![[0.0; 3]; cameras],
             ..Detection::default()
         };
         Self {

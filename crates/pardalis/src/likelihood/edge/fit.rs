@@ -184,6 +184,7 @@ impl EdgeCue {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
+            detection.body_colors[lines.camera] = lines.body_color;
             self.project(frame.projector(), &position, stance);
             shift(&mut self.coordinates, detection.offsets[lines.camera].px);
             let of_fit = lines.replace_exponent(exponent, self.level);

@@ -16,10 +16,11 @@ impl Detection {
         }
     }
 
-    /// Makes room for the offset of a camera.
+    /// Makes room for the offset and the body's colour of a camera.
     pub(super) fn make_room(&mut self, camera: usize) {
         if self.offsets.len() <= camera {
             self.offsets.resize(camera + 1, Offset::default());
+            self.body_colors.resize(camera + 1, [0.0; 3]);
         }
     }
 
