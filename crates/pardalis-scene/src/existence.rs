@@ -68,16 +68,6 @@ pub(super) fn read_existence(
                 "Whether velocities are those of a mixture of ways to move: rolling or at rest, moved by somebody, in free flight, or hit. Otherwise they are those of the motion model. Targets with a detector always have the latter.",
             )
             .or(default.motion_modes);
-        settings.calming_rate_hz = rate(
-            "calming_rate_hz",
-            "Rate at which a target that moves as its motion model says becomes calm, so that its velocity hardly changes; 0 if it never does. For targets that mostly roll, drive or rest: 0.5.",
-            default.calming_rate_hz,
-        );
-        settings.rousing_rate_hz = rate(
-            "rousing_rate_hz",
-            "Rate at which a calm target begins to move as its motion model says.",
-            default.rousing_rate_hz,
-        );
         settings.occlusion.occlusion_hz = rate(
             "occlusion_rate_hz",
             "Rate at which a visible target becomes occluded in a camera.",

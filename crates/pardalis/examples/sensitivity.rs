@@ -38,7 +38,7 @@ const ROLL_RADIUS_M: f64 = 0.035;
 /// Multiplies a setting by a factor.
 type Scale = fn(&mut DetectedSettings, f64);
 
-const SETTINGS: [(&str, Scale); 12] = [
+const SETTINGS: [(&str, Scale); 10] = [
     ("edge.correspondence_lines", |s, factor| {
         let lines = s.edge.correspondence_lines as f64;
         s.edge.correspondence_lines = (lines * factor) as usize;
@@ -60,12 +60,6 @@ const SETTINGS: [(&str, Scale); 12] = [
     }),
     ("existence.relocation_rate_hz", |s, factor| {
         s.existence.relocation_rate_hz *= factor;
-    }),
-    ("existence.calming_rate_hz", |s, factor| {
-        s.existence.calming_rate_hz *= factor;
-    }),
-    ("existence.rousing_rate_hz", |s, factor| {
-        s.existence.rousing_rate_hz *= factor;
     }),
     ("existence.velocity_jump_rate_hz", |s, factor| {
         s.existence.velocity_jump_rate_hz *= factor;

@@ -244,8 +244,6 @@ tuned! {
         birth_diameters: f64 = 50.0, "diameters", "hand-set: a 0.2 m ball within 10 m";
         /// The standard deviation of a new target's velocity on each axis.
         birth_velocity_sigma_mps: f64 = 1.5, "m/s", "hand-set: walking pace to a slow throw";
-        /// The process noise of a calm target as a share of that of its motion model.
-        calm_noise_share: f64 = 0.02, "share", "hand-set: a ball changes its velocity by 0.6 m/s in a second";
         /// Before the first frames a target may have appeared for this long.
         time_before_start_s: f64 = 2.0, "seconds", "hand-set";
         /// How much a frame in which a visible target is nowhere near a detection speaks against it: the target's colours were not recognised.

@@ -37,7 +37,7 @@ impl BernoulliFilter {
                 (i, libm::log(self.weights[i]))
             };
             let before = &self.hypotheses[ancestor];
-            let way = ways[usize::from(before.is_calm)].of_particle(i);
+            let way = ways.of_particle(i);
             let step = way.kinematics.step(before.velocity_variance_m2ps2, dt_s);
             let mut prediction = Prediction {
                 mean_m: before.ahead(dt_s),
@@ -71,7 +71,6 @@ impl BernoulliFilter {
                     position_m,
                     velocity_mps,
                     velocity_variance_m2ps2: step.velocity_variance_m2ps2,
-                    is_calm: way.is_calm,
                 }
             };
         }

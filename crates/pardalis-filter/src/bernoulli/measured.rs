@@ -162,13 +162,15 @@ impl BernoulliFilter {
         let mean: Vector6<f64> = particles().map(|(h, &weight)| weight * state(h)).sum();
         let mut covariance = Matrix6::zeros();
         let [mut place_m2, mut both, mut velocity_m2ps2] = [0.0; 3];
-        let (jump, kinematics) = self.mean_kinematics(dt_s);
-        let jump = jump.chance * (jump.kinematics.noise() - self.kinematics.noise());
-        let kinematics = kinematics.map(|own| own.with_noise(own.noise() + jump));
+        // Moments of a mixture are those of its mean noise, since they are linear in it.
+        let noise = self.kinematics.noise();
+        let excess = self.ways(dt_s).jumped.map_or(0.0, |jumped| {
+            jumped.chance * (jumped.kinematics.noise() - noise)
+        });
+        let kinematics = self.kinematics.with_noise(noise + excess);
         for (hypothesis, &weight) in particles() {
             let off = state(hypothesis) - mean;
             covariance += weight * off * off.transpose();
-            let kinematics = kinematics[usize::from(hypothesis.is_calm)];
             let step = kinematics.step(hypothesis.velocity_variance_m2ps2, dt_s);
             let own_m2 = weight * step.variance_m2;
             place_m2 += own_m2;
@@ -252,7 +254,7 @@ impl BernoulliFilter {
                 (i, libm::log(self.weights[i]))
             };
             let before = &self.hypotheses[ancestor];
-            let way = ways[usize::from(before.is_calm)].of_particle(i);
+            let way = ways.of_particle(i);
             let step = way.kinematics.step(before.velocity_variance_m2ps2, dt_s);
             let normals = draws.normals(i as u32, observation, Stage::Motion, 0);
             let mut position_m = before.ahead(dt_s);
@@ -266,7 +268,6 @@ impl BernoulliFilter {
                 position_m,
                 velocity_mps,
                 velocity_variance_m2ps2: step.velocity_variance_m2ps2,
-                is_calm: way.is_calm,
             };
             self.new_particles.log_weights[i] = log_weight + way.log_correction;
         }
@@ -328,7 +329,6 @@ impl BernoulliFilter {
                 }),
                 velocity_mps: (free * velocity).into(),
                 velocity_variance_m2ps2: kept * hypothesis.velocity_variance_m2ps2,
-                is_calm: hypothesis.is_calm,
             };
         }
         write(&self.new_hypotheses, &mut self.new_particles);

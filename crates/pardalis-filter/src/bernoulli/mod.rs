@@ -2,7 +2,7 @@
 //! that a target exists, and its position. It is independent of images.
 //!
 //! Particles are positions; each carries the mean and the variance of its velocity given its path
-//! (Rao-Blackwellised), and whether it is lively or calm. A target appears and disappears at constant rates, and one that exists may be relocated.
+//! (Rao-Blackwellised). A target appears and disappears at constant rates, and one that exists may be relocated.
 //! Let r be the probability that it is where the particles moved, e the probability that it exists elsewhere, with
 //! uniform density B, and N the prediction of particle i. The prior density is Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New
 //! positions are drawn from a mixture of predictions and measurement components, and the weights are divided by the
@@ -29,7 +29,6 @@ mod ways;
 pub use measured::{MAX_AGO_S, Measured};
 pub use proposal::MeasurementComponent;
 pub use tuning::ProposalTuning;
-pub use ways::CalmMotion;
 
 use kinematics::Kinematics;
 use proposal::{Proposal, log_add};
@@ -105,15 +104,13 @@ pub struct BernoulliSettings {
     pub velocity_jump_rate_hz: f64,
     /// Standard deviation of the change of velocity in a jump, on each axis, m/s.
     pub velocity_jump_sigma_mps: f64,
-    /// How targets move that are calm; `None` if they are always lively.
-    pub calm: Option<CalmMotion>,
     /// Tuned constants of the proposal, for sensitivity studies; they may change in any release.
     pub proposal: ProposalTuning,
 }
 
 impl BernoulliSettings {
     /// Returns settings with this motion: 500 particles; appearance, disappearance and relocation once in ten seconds
-    /// each, in 100 m³ (m²), at about 1 m/s; no velocity jumps, and never calm.
+    /// each, in 100 m³ (m²), at about 1 m/s; no velocity jumps.
     pub const fn of(motion: Motion) -> Self {
         Self {
             particles: ParticleRange::fixed(500),
@@ -125,7 +122,6 @@ impl BernoulliSettings {
             birth_velocity_sigma_mps: 1.0,
             velocity_jump_rate_hz: 0.0,
             velocity_jump_sigma_mps: 0.0,
-            calm: None,
             proposal: ProposalTuning::DEFAULT,
         }
     }
@@ -149,7 +145,6 @@ impl BernoulliSettings {
             [self.birth_velocity_sigma_mps; 3],
         )?;
         check_sigma("velocity_jump_sigma_mps", [self.velocity_jump_sigma_mps; 3])?;
-        self.calm.map_or(Ok(()), |calm| calm.check())?;
         self.proposal.check()
     }
 }
@@ -167,8 +162,6 @@ struct Hypothesis {
     velocity_mps: [f64; 3],
     /// Variance of the velocity given the path, on each free axis, m²/s².
     velocity_variance_m2ps2: f64,
-    /// Whether it moves calmly.
-    is_calm: bool,
 }
 
 impl Hypothesis {
@@ -512,9 +505,11 @@ impl BernoulliFilter {
         let dt_s = self.pending_s + ahead_s;
         let (mut position_m, mut velocity_mps) = ([0.0; 3], [0.0; 3]);
         // What the particles do not show, on each free axis.
-        let (jump, kinematics) = self.mean_kinematics(dt_s);
+        let jumped = self.ways(dt_s).jumped;
         let excess = |of: &dyn Fn(Kinematics) -> f64| {
-            jump.chance * (of(jump.kinematics) - of(self.kinematics))
+            jumped.as_ref().map_or(0.0, |jumped| {
+                jumped.chance * (of(jumped.kinematics) - of(self.kinematics))
+            })
         };
         let mut spread_m2 = excess(&|kinematics| kinematics.variance_m2(0.0, dt_s));
         let mut spread_m2ps2 = excess(&|kinematics| kinematics.velocity_variance_m2ps2(0.0, dt_s));
@@ -525,9 +520,8 @@ impl BernoulliFilter {
                 velocity_mps[axis] += w * hypothesis.velocity_mps[axis];
             }
             let variance = hypothesis.velocity_variance_m2ps2;
-            let kinematics = kinematics[usize::from(hypothesis.is_calm)];
-            spread_m2 += w * kinematics.variance_m2(variance, dt_s);
-            spread_m2ps2 += w * kinematics.velocity_variance_m2ps2(variance, dt_s);
+            spread_m2 += w * self.kinematics.variance_m2(variance, dt_s);
+            spread_m2ps2 += w * self.kinematics.velocity_variance_m2ps2(variance, dt_s);
         }
         let mut covariance_m2 = self.on_free_axes(spread_m2);
         add_scatter(self.places_m(dt_s), position_m, &mut covariance_m2);
@@ -547,56 +541,6 @@ impl BernoulliFilter {
             best_position_m: self.hypotheses[self.likeliest].ahead(dt_s),
             effective_sample_size: self.effective_sample_size(),
         })
-    }
-
-    /// Returns the covariances of the predicted positions (xx, xy, xz, yy, yz, zz in m²) of a target that is lively, and of a calm one; `None` of one that is impossible.
-    /// `None` if the target does not exist, or is always lively. Call it after [`BernoulliFilter::predict`].
-    pub fn predicted_by_liveliness(&self) -> Option<[Option<[f64; 6]>; 2]> {
-        if self.located() == 0.0 {
-            return None;
-        }
-        self.settings.calm?;
-        let dt_s = self.pending_s;
-        let ways = self.ways(dt_s);
-        Some([false, true].map(|is_calm| {
-            // Where each particle is then, the probability of that, and its variance times the probability.
-            let shares = self
-                .hypotheses
-                .iter()
-                .zip(&self.weights)
-                .map(|(h, weight)| {
-                    let ways = ways[usize::from(h.is_calm)].possible();
-                    let (mut chance, mut spread_m2) = (0.0, 0.0);
-                    for way in ways.filter(|way| way.is_calm == is_calm) {
-                        let variance_m2 =
-                            way.kinematics.variance_m2(h.velocity_variance_m2ps2, dt_s);
-                        chance += weight * way.chance;
-                        spread_m2 += weight * way.chance * variance_m2;
-                    }
-                    (h.ahead(dt_s), chance, spread_m2)
-                });
-            let (mut total, mut sum_m, mut spread_m2) = (0.0, [0.0; 3], 0.0);
-            for (ahead_m, chance, spread) in shares.clone() {
-                total += chance;
-                spread_m2 += spread;
-                for axis in 0..3 {
-                    sum_m[axis] += chance * ahead_m[axis];
-                }
-            }
-            (total > 0.0).then(|| {
-                let mut covariance_m2 = self.on_free_axes(spread_m2 / total);
-                let weighted = shares.map(|(ahead_m, chance, _)| (ahead_m, chance / total));
-                add_scatter(weighted, sum_m.map(|v| v / total), &mut covariance_m2);
-                covariance_m2
-            })
-        }))
-    }
-
-    /// Returns the probability that the target, if it exists, was calm at the last update.
-    pub fn calm_chance(&self) -> f64 {
-        let particles = self.hypotheses.iter().zip(&self.weights);
-        let calm = particles.filter(|(hypothesis, _)| hypothesis.is_calm);
-        calm.map(|(_, weight)| weight).sum()
     }
 
     /// Returns the covariance (xx, xy, xz, yy, yz, zz) with this variance on each free axis.

@@ -1,7 +1,7 @@
 //! A second proposal, used if few particles agree with the images. The particles of an occluded target spread until
 //! they are farther apart than the precision of an image, so that none of them predicts the position at which the
-//! target reappears. The predictions of all particles are then replaced by three Gaussians with their moments: of targets that are
-//! lively, of calm ones, and of those with a velocity jump (a Gaussian sum particle filter: Kotecha and Djurić 2003).
+//! target reappears. The predictions of all particles are then replaced by two Gaussians with their moments, one
+//! with a velocity jump and one without (a Gaussian sum particle filter: Kotecha and Djurić 2003).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -10,7 +10,7 @@ use super::ways::Way;
 use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
 use pardalis_core::rng::Stage;
 
-/// The moment-matched prediction of particles that move in one way.
+/// The moment-matched prediction of all particles if they move in one way.
 struct Predicted {
     /// The logarithm of the probability of this way.
     log_chance: f64,
@@ -24,8 +24,6 @@ struct Predicted {
     /// position, on each axis.
     gain_hz: Matrix3<f64>,
     velocity_variance_m2ps2: f64,
-    /// Whether the target is calm after the step.
-    is_calm: bool,
 }
 
 impl Predicted {
@@ -46,25 +44,8 @@ impl Predicted {
             position_m,
             velocity_mps: (self.velocity_mps + self.gain_hz * off_m).into(),
             velocity_variance_m2ps2: self.velocity_variance_m2ps2,
-            is_calm: self.is_calm,
         }
     }
-}
-
-/// Returns the first prediction up to which the probabilities sum to more than `uniform`, else the last that is possible.
-fn chosen(
-    predicted: &[Option<Predicted>],
-    mut chance: impl FnMut(&Predicted) -> f64,
-    uniform: f64,
-) -> Option<&Predicted> {
-    let mut sum = 0.0;
-    let mut possible = predicted.iter().flatten();
-    let last = possible.clone().next_back();
-    let found = possible.find(|predicted| {
-        sum += chance(predicted);
-        uniform < sum
-    });
-    found.or(last)
 }
 
 impl BernoulliFilter {
@@ -83,15 +64,10 @@ impl BernoulliFilter {
     /// density over proposal density. Returns `false` if all particles predict the same position; nothing changes then.
     pub(super) fn draw_moment_matched(&mut self, prior: &Prior) -> bool {
         let ways = self.ways(self.pending_s);
-        let ways = ways.each_ref();
-        let predicted = [
-            self.predicted(ways.map(|ways| ways.steady(false))),
-            self.predicted(ways.map(|ways| ways.steady(true))),
-            self.predicted(ways.map(|ways| &ways.jumped)),
-        ];
-        if predicted.iter().all(Option::is_none) {
+        let Some(steady) = self.predicted(&ways.steady) else {
             return false;
-        }
+        };
+        let jumped = ways.jumped.and_then(|jumped| self.predicted(&jumped));
         let count = self.settings.particles.max;
         self.resize_new(count);
         let (draws, observation) = (self.draws, self.observation);
@@ -107,12 +83,13 @@ impl BernoulliFilter {
             let position_m = if (offset + i as f64 * GOLDEN).fract() < births {
                 self.proposal.draw_birth(which, normals)
             } else {
-                let from = chosen(&predicted, |one| libm::exp(one.log_chance), which);
-                from.map_or([f64::NAN; 3], |from| from.draw(normals))
+                let chance = libm::exp(steady.log_chance);
+                let from = jumped.as_ref().filter(|_| which >= chance);
+                from.unwrap_or(&steady).draw(normals)
             };
-            let densities = predicted.iter().flatten();
-            let densities = densities.map(|one| one.log_density(position_m));
-            let log_predicted = densities.fold(f64::NEG_INFINITY, log_add);
+            let log_steady = steady.log_density(position_m);
+            let log_jumped = jumped.as_ref().map(|jumped| jumped.log_density(position_m));
+            let log_predicted = log_jumped.map_or(log_steady, |log| log_add(log_steady, log));
             let log_prior = log_add(log_located + log_predicted, log_elsewhere);
             let log_proposal = log_add(
                 libm::log(births) + self.proposal.log_birth_density(position_m),
@@ -122,42 +99,30 @@ impl BernoulliFilter {
             self.new_hypotheses[i] = if elsewhere < libm::exp(log_elsewhere - log_prior) {
                 self.born_at(position_m)
             } else {
-                let share =
-                    |one: &Predicted| libm::exp(one.log_density(position_m) - log_predicted);
-                let from = chosen(&predicted, share, from);
-                from.map_or_else(|| self.born_at(position_m), |from| from.at(position_m))
+                let has_jumped = from >= libm::exp(log_steady - log_predicted);
+                let from = jumped.as_ref().filter(|_| has_jumped);
+                from.unwrap_or(&steady).at(position_m)
             };
         }
         write(&self.new_hypotheses, &mut self.new_particles);
         true
     }
 
-    /// Computes the moments of the predictions of particles that move in one way, which is given for lively ones and for calm ones. `None` if it is impossible.
-    fn predicted(&self, ways: [&Way; 2]) -> Option<Predicted> {
+    /// Computes the moments of the predictions of all particles if they move in one way.
+    fn predicted(&self, way: &Way) -> Option<Predicted> {
         let dt_s = self.pending_s;
         let free_axes = self.settings.motion.free_axes();
-        let hypotheses = self.hypotheses.iter().zip(&self.weights);
-        let [lively, calm] = ways.map(|way| way.chance);
-        let chance = lively + self.calm_chance() * (calm - lively);
-        if chance <= 0.0 {
-            return None;
-        }
-        let weighted = || {
-            hypotheses.clone().map(|(before, weight)| {
-                let way = ways[usize::from(before.is_calm)];
-                (before, weight * (way.chance / chance), way.kinematics)
-            })
-        };
+        let weighted = || self.hypotheses.iter().zip(&self.weights);
         let (mut mean_m, mut velocity_mps) = (Vector3::zeros(), Vector3::zeros());
-        for (before, weight, _) in weighted() {
+        for (before, &weight) in weighted() {
             mean_m += Vector3::from(before.ahead(dt_s)) * weight;
             velocity_mps += Vector3::from(before.velocity_mps) * weight;
         }
         let (mut xx, mut vx, mut vv) = (Matrix3::zeros(), Matrix3::zeros(), Matrix3::zeros());
-        for (before, weight, kinematics) in weighted() {
+        for (before, &weight) in weighted() {
             let x = Vector3::from(before.ahead(dt_s)) - mean_m;
             let v = Vector3::from(before.velocity_mps) - velocity_mps;
-            let step = kinematics.step(before.velocity_variance_m2ps2, dt_s);
+            let step = way.kinematics.step(before.velocity_variance_m2ps2, dt_s);
             let own = Matrix3::identity() * step.variance_m2;
             let velocity_variance =
                 step.velocity_variance_m2ps2 + step.gain_hz.powi(2) * step.variance_m2;
@@ -189,7 +154,7 @@ impl BernoulliFilter {
             whitening[(2, 2)] = 0.0;
         }
         Some(Predicted {
-            log_chance: libm::log(chance),
+            log_chance: libm::log(way.chance),
             mean_m,
             factor_m: drawn_m,
             whitening,
@@ -197,7 +162,6 @@ impl BernoulliFilter {
             velocity_mps,
             gain_hz,
             velocity_variance_m2ps2: (rest.trace() / free_axes as f64).max(0.0),
-            is_calm: ways[0].is_calm,
         })
     }
 }

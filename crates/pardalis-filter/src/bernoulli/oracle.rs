@@ -107,16 +107,6 @@ pub(super) struct Before<'a> {
     /// The probabilities that the target is located, elsewhere and absent after that time.
     pub(super) chances: [f64; 3],
     pub(super) components: &'a [MeasurementComponent],
-    /// The index of the update.
-    pub(super) observation: usize,
-}
-
-/// A way to move in a step: its probability, the variance of its velocity jump, and whether the target is calm afterwards.
-#[derive(Clone, Copy)]
-struct Way {
-    chance: f64,
-    jump_m2ps2: f64,
-    is_calm: bool,
 }
 
 /// An update of drawn positions before the likelihoods are applied.
@@ -137,69 +127,18 @@ impl Before<'_> {
         Kinematics::of(&self.settings.motion).unwrap()
     }
 
-    /// Returns the probability that a target of this calmness is calm, or lively, after the step: a Markov chain of both.
-    fn turned(&self, was_calm: bool) -> [f64; 2] {
-        let calm = self.settings.calm;
-        let Some(calm) = calm.filter(|_| self.kinematics().has_velocity()) else {
-            return [1.0, 0.0];
-        };
-        let [calming, rousing] = [calm.calming_rate_hz, calm.rousing_rate_hz];
-        // Columns: from lively, from calm.
-        let rates = Matrix3::new(
-            -calming, rousing, 0.0, //
-            calming, -rousing, 0.0, //
-            0.0, 0.0, 0.0,
-        );
-        let chances = exponential(rates * self.dt_s);
-        [false, true].map(|is_calm| chances[(usize::from(is_calm), usize::from(was_calm))])
-    }
-
-    /// Returns the ways to move of a target that was calm, or lively, before: lively afterwards, calm, and with a velocity jump, which makes it lively.
-    fn ways(&self, was_calm: bool) -> [Way; 3] {
+    /// Returns the probability of a velocity jump and the variance that it adds to the velocity, if the target has a
+    /// velocity and time passed.
+    fn jump(&self) -> Option<(f64, f64)> {
         let is_possible = self.settings.velocity_jump_rate_hz > 0.0 && self.dt_s > 0.0;
-        let none = if is_possible && self.kinematics().has_velocity() {
-            (-self.settings.velocity_jump_rate_hz * self.dt_s).exp()
-        } else {
-            1.0
-        };
-        let [lively, calm] = self.turned(was_calm);
-        let way = |chance, jump_m2ps2, is_calm| Way {
-            chance,
-            jump_m2ps2,
-            is_calm,
-        };
-        let jump_m2ps2 = self.settings.velocity_jump_sigma_mps.powi(2);
-        [
-            way(none * lively, 0.0, false),
-            way(none * calm, 0.0, true),
-            way(1.0 - none, jump_m2ps2, false),
-        ]
-    }
-
-    /// Returns the way in which a particle moves, and the share of particles that do: a few in each possible way, regardless of its probability. In a cycle of particles,
-    /// one that does not jump turns: the next one of them in each update.
-    fn way_of(&self, was_calm: bool, number: usize) -> (Way, f64) {
-        let ways = self.ways(was_calm);
-        let one_in = self.settings.proposal.jump_one_in;
-        let jumped = ways[2];
-        let turned = ways[usize::from(!was_calm)];
-        let share = |way: Way, share: f64| if way.chance > 0.0 { share } else { 0.0 };
-        let [jumping, turning] = [
-            share(jumped, 1.0 / one_in as f64),
-            share(turned, 0.5 / one_in as f64),
-        ];
-        let slots: Vec<usize> = (0..2 * one_in).filter(|slot| slot % one_in > 0).collect();
-        if jumping > 0.0 && number.is_multiple_of(one_in) {
-            (jumped, jumping)
-        } else if turning > 0.0 && number % (2 * one_in) == slots[self.observation % slots.len()] {
-            (turned, turning)
-        } else {
-            (ways[usize::from(was_calm)], 1.0 - jumping - turning)
-        }
+        (is_possible && self.kinematics().has_velocity()).then(|| {
+            let none = (-self.settings.velocity_jump_rate_hz * self.dt_s).exp();
+            (1.0 - none, self.settings.velocity_jump_sigma_mps.powi(2))
+        })
     }
 
     /// Returns a step on one axis, F·P·Fᵀ + Q, with a velocity jump of this variance at a random time.
-    fn moved(&self, velocity_variance_m2ps2: f64, way: &Way) -> Moved {
+    fn moved(&self, velocity_variance_m2ps2: f64, jump_m2ps2: f64) -> Moved {
         let t = self.dt_s;
         let added = Matrix2::new(STEP_VARIANCE_M2, 0.0, 0.0, 0.0);
         let covariance = match self.kinematics() {
@@ -210,12 +149,8 @@ impl Before<'_> {
                 let transition = Matrix2::new(1.0, t, 0.0, 1.0);
                 let before = Matrix2::new(0.0, 0.0, 0.0, velocity_variance_m2ps2);
                 // A jump at a random time adds the covariance of acceleration noise with its variance per step.
-                let share = match self.settings.calm {
-                    Some(calm) if way.is_calm => calm.noise_share,
-                    _ => 1.0,
-                };
                 let noise = Matrix2::new(t * t / 3.0, t / 2.0, t / 2.0, 1.0)
-                    * (share * acceleration_density_m2ps3 * t + way.jump_m2ps2);
+                    * (acceleration_density_m2ps3 * t + jump_m2ps2);
                 transition * before * transition.transpose() + noise
             }
         };
@@ -329,7 +264,6 @@ impl Before<'_> {
             position_m,
             velocity_mps: [0.0; 3],
             velocity_variance_m2ps2: if has_velocity { sigma_mps.powi(2) } else { 0.0 },
-            is_calm: false,
         }
     }
 
@@ -344,13 +278,19 @@ impl Before<'_> {
         let [located, elsewhere, _] = self.chances;
         let has_births = !self.components.is_empty();
         let ancestors = self.ancestors(resampling, positions_m.len());
+        let one_in = self.settings.proposal.jump_one_in;
+        let jumping = 1.0 / one_in as f64;
         let (mut weights, mut hypotheses) = (Vec::new(), Vec::new());
         for (i, &position_m) in positions_m.iter().enumerate() {
             let (ancestor, weight) = ancestors[i];
             let before = &self.hypotheses[ancestor];
-            let (way, share) = self.way_of(before.is_calm, i);
-            let correction = way.chance / share;
-            let moved = self.moved(before.velocity_variance_m2ps2, &way);
+            // One particle in a few has a jump, regardless of its probability.
+            let (jump_m2ps2, correction) = match self.jump() {
+                None => (0.0, 1.0),
+                Some((chance, variance)) if i % one_in == 0 => (variance, chance / jumping),
+                Some((chance, _)) => (0.0, (1.0 - chance) / (1.0 - jumping)),
+            };
+            let moved = self.moved(before.velocity_variance_m2ps2, jump_m2ps2);
             let prediction = self.prediction(before, &moved);
             let position = self.vector(position_m);
             let continued = located * prediction.density(&position);
@@ -370,7 +310,6 @@ impl Before<'_> {
                     position_m,
                     velocity_mps,
                     velocity_variance_m2ps2: moved.velocity_variance_m2ps2(),
-                    is_calm: way.is_calm,
                 }
             });
         }
@@ -409,23 +348,12 @@ impl Before<'_> {
             && !self.components.is_empty()
     }
 
-    /// Returns the moments of position and velocity over the predictions of all particles that move in one way, by its number, with its probability. `None` if it is
-    /// impossible.
-    fn moments(&self, number: usize) -> Option<(f64, Moments)> {
+    /// Returns the moments of position and velocity over the predictions of all particles, with a velocity jump of
+    /// this variance.
+    fn moments(&self, jump_m2ps2: f64) -> Moments {
         let axes = self.axes();
-        let way_of = |before: &Hypothesis| self.ways(before.is_calm)[number];
-        let hypotheses = self.hypotheses.iter().zip(self.weights);
-        let weights = hypotheses.map(|(before, weight)| weight * way_of(before).chance);
-        let mut weights: Vec<f64> = weights.collect();
-        let chance: f64 = weights.iter().sum();
-        if chance <= 0.0 {
-            return None;
-        }
-        for weight in &mut weights {
-            *weight /= chance;
-        }
         let joint = |before: &Hypothesis| {
-            let moved = self.moved(before.velocity_variance_m2ps2, &way_of(before));
+            let moved = self.moved(before.velocity_variance_m2ps2, jump_m2ps2);
             let position = self.prediction(before, &moved).mean;
             let velocity = self.vector(before.velocity_mps);
             let mean = DVector::from_iterator(2 * axes, position.iter().chain(&velocity).copied());
@@ -433,11 +361,11 @@ impl Before<'_> {
         };
         let joints: Vec<_> = self.hypotheses.iter().map(joint).collect();
         let mut mean = DVector::zeros(2 * axes);
-        for ((of_particle, _), weight) in joints.iter().zip(&weights) {
+        for ((of_particle, _), weight) in joints.iter().zip(self.weights) {
             mean += of_particle * *weight;
         }
         let mut covariance = DMatrix::zeros(2 * axes, 2 * axes);
-        for ((of_particle, own), weight) in joints.iter().zip(&weights) {
+        for ((of_particle, own), weight) in joints.iter().zip(self.weights) {
             let off = of_particle - &mean;
             covariance += (&off * off.transpose() + own) * *weight;
         }
@@ -447,7 +375,7 @@ impl Before<'_> {
         };
         let gain = block(1, 0) * inverse(&block(0, 0));
         let rest = block(1, 1) - &gain * block(0, 1);
-        let moments = Moments {
+        Moments {
             position: Gaussian {
                 mean: mean.rows(0, axes).into(),
                 covariance: block(0, 0),
@@ -455,47 +383,41 @@ impl Before<'_> {
             velocity: mean.rows(axes, axes).into(),
             gain,
             velocity_variance_m2ps2: (rest.trace() / axes as f64).max(0.0),
-            is_calm: way_of(&self.hypotheses[0]).is_calm,
-        };
-        Some((chance, moments))
+        }
     }
 
-    /// Computes the moment-matched draw from these positions. `uniforms` decide in which way a target moved, and
-    /// whether it was elsewhere before.
+    /// Computes the moment-matched draw from these positions. `uniforms` decide whether a target's velocity jumped,
+    /// and whether it was elsewhere before.
     pub(super) fn moment_matched_draw(
         &self,
         positions_m: &[[f64; 3]],
         uniforms: impl Fn(usize) -> [f64; 2],
     ) -> Drawn {
         let [located, elsewhere, _] = self.chances;
-        let possible: Vec<(f64, Moments)> = (0..3).filter_map(|way| self.moments(way)).collect();
+        let (chance, jump_m2ps2) = self.jump().unwrap_or_default();
+        let [steady, jumped] = [self.moments(0.0), self.moments(jump_m2ps2)];
         let (mut weights, mut hypotheses) = (Vec::new(), Vec::new());
         for (i, &position_m) in positions_m.iter().enumerate() {
             let position = self.vector(position_m);
-            let densities: Vec<f64> = (possible.iter())
-                .map(|(chance, moments)| chance * moments.position.density(&position))
-                .collect();
-            let predicted: f64 = densities.iter().sum();
+            let as_steady = (1.0 - chance) * steady.position.density(&position);
+            let predicted = as_steady + chance * jumped.position.density(&position);
             let born = elsewhere * self.settings.birth_density;
             let prior = located * predicted + born;
             let births = self.settings.proposal.moment_matched_birth_share;
             let proposal = births * self.birth_density(&position) + (1.0 - births) * predicted;
             weights.push(prior / proposal / positions_m.len() as f64);
-            let [which, birth] = uniforms(i);
+            let [jump, birth] = uniforms(i);
             hypotheses.push(if birth < born / prior {
                 self.born(position_m)
             } else {
-                let up_to = |last: &usize| densities[..=*last].iter().sum::<f64>() / predicted;
-                let way = (0..possible.len()).find(|last| which < up_to(last));
-                let (_, moments) = &possible[way.unwrap_or(possible.len() - 1)];
-                moments.at(position_m, &position)
+                let has_jumped = jump >= as_steady / predicted;
+                if has_jumped { &jumped } else { &steady }.at(position_m, &position)
             });
         }
-        let roundings = possible.iter().map(|(_, moments)| moments.rounding());
         Drawn {
             weights,
             hypotheses,
-            rounding: roundings.fold(ROUNDING, f64::max),
+            rounding: steady.rounding().max(jumped.rounding()),
         }
     }
 }
@@ -507,8 +429,6 @@ struct Moments {
     /// The regression of the velocity on the position.
     gain: DMatrix<f64>,
     velocity_variance_m2ps2: f64,
-    /// Whether the target is calm after the step.
-    is_calm: bool,
 }
 
 impl Moments {
@@ -528,7 +448,6 @@ impl Moments {
             position_m,
             velocity_mps,
             velocity_variance_m2ps2: self.velocity_variance_m2ps2,
-            is_calm: self.is_calm,
         }
     }
 }

@@ -87,21 +87,12 @@ fn settings() -> impl Strategy<Value = BernoulliSettings> {
     let rate = || prop_oneof![Just(0.0), 0.01..2.0_f64];
     let jumps = (prop_oneof![Just(0.0), 0.1..5.0_f64], 0.0..5.0_f64);
     let births = (1e-3..1.0_f64, 0.0..3.0_f64);
-    let calm = (0.0..1.0_f64, rate(), rate()).prop_map(|(noise_share, calming, rousing)| {
-        Some(CalmMotion {
-            noise_share,
-            calming_rate_hz: calming,
-            rousing_rate_hz: rousing,
-        })
-    });
-    let calm = prop_oneof![Just(None), calm];
     let max = PARTICLES;
     let particles = (8..=max).prop_map(move |min| ParticleRange { min, max });
     let particles = prop_oneof![Just(ParticleRange::fixed(max)), particles];
     let rates = [rate(), rate(), rate()];
-    let changes = (jumps, calm);
-    (motion, rates, births, changes, proposal(), particles).prop_map(
-        |(motion, [birth, death, relocation], births, (jumps, calm), proposal, particles)| {
+    (motion, rates, births, jumps, proposal(), particles).prop_map(
+        |(motion, [birth, death, relocation], births, jumps, proposal, particles)| {
             BernoulliSettings {
                 particles,
                 birth_rate_hz: birth,
@@ -111,7 +102,6 @@ fn settings() -> impl Strategy<Value = BernoulliSettings> {
                 birth_velocity_sigma_mps: births.1,
                 velocity_jump_rate_hz: jumps.0,
                 velocity_jump_sigma_mps: jumps.1,
-                calm,
                 proposal,
                 ..BernoulliSettings::of(motion)
             }
@@ -248,7 +238,6 @@ fn check_update(filter: &mut BernoulliFilter, images: &Images) {
         dt_s: images.dt_s,
         chances,
         components: &images.components,
-        observation: filter.observation.wrapping_add(1) as usize,
     };
 
     let first_m = first_positions_m(filter, images, before.first_count());
@@ -333,7 +322,6 @@ fn check_update(filter: &mut BernoulliFilter, images: &Images) {
             expected.velocity_variance_m2ps2,
         );
         check(compared, drawn.rounding, &format!("velocity variance {i}"));
-        assert_eq!(found.is_calm, expected.is_calm, "particle {i}");
     }
 }
 

@@ -44,8 +44,7 @@ impl BernoulliFilter {
         let terms = hypotheses.map(|(hypothesis, weight)| {
             let ahead = Vector3::from(hypothesis.ahead(self.pending_s));
             let off = eigenvectors.tr_mul(&(Vector3::from(position_m) - ahead));
-            let possible = ways[usize::from(hypothesis.is_calm)].possible();
-            let given = possible.map(|way| {
+            let given = ways.all().map(|way| {
                 let variance = hypothesis.velocity_variance_m2ps2;
                 let step = way.kinematics.step(variance, self.pending_s);
                 way.chance * density(&off, step.variance_m2)
@@ -60,7 +59,7 @@ impl BernoulliFilter {
 mod tests {
     use super::*;
     use crate::bernoulli::kinematics::Kinematics;
-    use crate::bernoulli::{BernoulliSettings, CalmMotion, ParticleRange};
+    use crate::bernoulli::{BernoulliSettings, ParticleRange};
     use crate::gaussian::{GaussianStart, diagonal_m2};
     use crate::motion::Motion;
     use pardalis_core::rng::Draws;
@@ -84,16 +83,10 @@ mod tests {
 
     #[test]
     fn the_density_is_the_oracles() {
-        let calm = CalmMotion {
-            noise_share: 0.1,
-            calming_rate_hz: 2.0,
-            rousing_rate_hz: 1.0,
-        };
         let settings = BernoulliSettings {
             particles: ParticleRange::fixed(50),
             velocity_jump_rate_hz: 1.0,
             velocity_jump_sigma_mps: 3.0,
-            calm: Some(calm),
             ..BernoulliSettings::of(Motion::DEFAULT)
         };
         let mut filter = BernoulliFilter::new(settings, Draws::new(3, 0)).unwrap();
@@ -104,9 +97,6 @@ mod tests {
             ..GaussianStart::default()
         };
         filter.start(&start, 1.0).unwrap();
-        for (i, hypothesis) in filter.hypotheses.iter_mut().enumerate() {
-            hypothesis.is_calm = i % 3 == 0;
-        }
         let time_s: f64 = 0.2;
         filter.predict(time_s);
         let Kinematics::Velocity {
@@ -115,16 +105,8 @@ mod tests {
         else {
             unreachable!("the default motion has a velocity");
         };
-        // The share that has turned by then, of a Markov chain of two states.
-        let turned = 1.0 - (-3.0 * time_s).exp();
         let jumped = 1.0 - (-time_s).exp();
         let of_particle = |(hypothesis, weight): (&super::super::Hypothesis, &f64)| {
-            let becomes_calm = 2.0 / 3.0 * turned;
-            let calm = if hypothesis.is_calm {
-                1.0 - 1.0 / 3.0 * turned
-            } else {
-                becomes_calm
-            };
             let own_m2 = hypothesis.velocity_variance_m2ps2 * time_s.powi(2) + 1e-10;
             let mean_m = Vector3::from(hypothesis.ahead(time_s));
             let way = |chance: f64, change_m2ps2: f64| {
@@ -132,8 +114,7 @@ mod tests {
                 (chance * *weight, mean_m, variance_m2)
             };
             [
-                way((1.0 - jumped) * (1.0 - calm), density * time_s),
-                way((1.0 - jumped) * calm, 0.1 * density * time_s),
+                way(1.0 - jumped, density * time_s),
                 way(jumped, density * time_s + 9.0),
             ]
         };
@@ -155,58 +136,6 @@ mod tests {
             let position_m = Vector3::from(position_m);
             let expected = naive_density(&mixture, position_m, &covariance_m2);
             assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
-        }
-    }
-    #[test]
-    fn lively_and_calm_targets_are_predicted_each_by_itself() {
-        let mut settings = BernoulliSettings {
-            particles: ParticleRange::fixed(1),
-            velocity_jump_rate_hz: 1.0,
-            velocity_jump_sigma_mps: 3.0,
-            ..BernoulliSettings::of(Motion::DEFAULT)
-        };
-        let predicted = |settings: &BernoulliSettings| {
-            let mut filter = BernoulliFilter::new(*settings, Draws::new(3, 0)).unwrap();
-            let start = GaussianStart {
-                velocity_sigma_mps: [0.5; 3],
-                ..GaussianStart::default()
-            };
-            filter.start(&start, 1.0).unwrap();
-            filter.predict(0.2);
-            let Kinematics::Velocity {
-                acceleration_density_m2ps3,
-            } = filter.kinematics
-            else {
-                unreachable!("the default motion has a velocity");
-            };
-            (filter.predicted_by_liveliness(), acceleration_density_m2ps3)
-        };
-        assert_eq!(predicted(&settings).0, None);
-        settings.calm = Some(CalmMotion {
-            noise_share: 0.1,
-            calming_rate_hz: 2.0,
-            rousing_rate_hz: 1.0,
-        });
-        let (found, density) = predicted(&settings);
-        let [lively, calm] = found.unwrap().map(Option::unwrap);
-        let time_s: f64 = 0.2;
-        // One particle, lively at the start: of a Markov chain of two states, and with a jump or without.
-        let stays = 1.0 - 2.0 / 3.0 * (1.0 - (-3.0 * time_s).exp());
-        let jumps = 1.0 - (-time_s).exp();
-        let [kept, jumped] = [(1.0 - jumps) * stays, jumps];
-        let own_m2 = (0.5 * time_s).powi(2);
-        let grown_m2 = |change_m2ps2: f64| own_m2 + change_m2ps2 * time_s.powi(2) / 3.0;
-        let lively_m2 = (kept * grown_m2(density * time_s)
-            + jumped * grown_m2(density * time_s + 9.0))
-            / (kept + jumped);
-        for (found, expected) in [
-            (lively, lively_m2),
-            (calm, grown_m2(0.1 * density * time_s)),
-        ] {
-            for at in [0, 3, 5] {
-                let off = found[at] / expected - 1.0;
-                assert!(off.abs() < 1e-9, "{} for {expected}", found[at]);
-            }
         }
     }
 }

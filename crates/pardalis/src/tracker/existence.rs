@@ -2,9 +2,6 @@
 
 use nalgebra::{Matrix3, Vector3};
 use pardalis_core::Error;
-use pardalis_filter::bernoulli::CalmMotion;
-
-use crate::tuning::ExistenceTuning;
 
 /// Where a target can be: a box along the axes of the world, whose sides may lie at infinity.
 ///
@@ -122,10 +119,6 @@ pub struct ExistenceSettings {
     pub velocity_jump_sigma_mps: f64,
     /// Whether velocities are those of a mixture of [modes](pardalis_filter::modes): the target rolls or rests, is moved, flies or is hit. Otherwise they are those of the motion model.
     pub motion_modes: bool,
-    /// How often a target that moves as its motion model says becomes calm, Hz; 0 if it never does. The velocity of a calm target hardly changes.
-    pub calming_rate_hz: f64,
-    /// How often a calm target begins to move as its motion model says, Hz.
-    pub rousing_rate_hz: f64,
     /// Rates of occlusion and reappearance in each camera.
     pub occlusion: OcclusionRates,
     /// Height of the ground in the world, for targets that stay on it, metres.
@@ -143,8 +136,6 @@ impl Default for ExistenceSettings {
             velocity_jump_rate_hz: 1.0,
             velocity_jump_sigma_mps: 4.0,
             motion_modes: true,
-            calming_rate_hz: 0.0,
-            rousing_rate_hz: 1.5,
             occlusion: OcclusionRates::default(),
             ground_z_m: 0.0,
             region: Region::default(),
@@ -161,8 +152,6 @@ impl ExistenceSettings {
             ("relocation_rate_hz", self.relocation_rate_hz),
             ("velocity_jump_rate_hz", self.velocity_jump_rate_hz),
             ("velocity_jump_sigma_mps", self.velocity_jump_sigma_mps),
-            ("calming_rate_hz", self.calming_rate_hz),
-            ("rousing_rate_hz", self.rousing_rate_hz),
             ("occlusion_rate_hz", self.occlusion.occlusion_hz),
         ] {
             if !(0.0..=1000.0).contains(&value) {
@@ -183,15 +172,6 @@ impl ExistenceSettings {
             return Err(Error::out_of_range("ground_z_m", self.ground_z_m, allowed));
         }
         self.region.check()
-    }
-
-    /// Returns how calm targets move; `None` if they never are.
-    pub(super) fn calm_motion(&self, tuning: &ExistenceTuning) -> Option<CalmMotion> {
-        (self.calming_rate_hz > 0.0).then_some(CalmMotion {
-            noise_share: tuning.calm_noise_share,
-            calming_rate_hz: self.calming_rate_hz,
-            rousing_rate_hz: self.rousing_rate_hz,
-        })
     }
 }
 

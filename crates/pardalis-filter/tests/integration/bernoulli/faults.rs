@@ -2,7 +2,7 @@
 
 use pardalis_core::rng::Draws;
 use pardalis_filter::bernoulli::{
-    BernoulliFilter, BernoulliSettings, CalmMotion, MeasurementComponent, ParticleRange,
+    BernoulliFilter, BernoulliSettings, MeasurementComponent, ParticleRange,
 };
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{
@@ -43,13 +43,8 @@ fn unsupported_motion_and_settings_out_of_range_are_rejected() {
             "{error}"
         );
     }
-    let mut good = lively();
-    good.calm = Some(CalmMotion {
-        noise_share: 0.02,
-        calming_rate_hz: 0.5,
-        rousing_rate_hz: 1.5,
-    });
-    let breaks: [(Break, &str); 11] = [
+    let good = lively();
+    let breaks: [(Break, &str); 8] = [
         (
             |settings| settings.particles = ParticleRange::fixed(0),
             "particles is 0",
@@ -72,18 +67,6 @@ fn unsupported_motion_and_settings_out_of_range_are_rejected() {
         (
             |settings| settings.birth_velocity_sigma_mps = -0.1,
             "birth_velocity_sigma_mps",
-        ),
-        (
-            |settings| settings.calm.as_mut().unwrap().noise_share = 1.5,
-            "noise_share is 1.5",
-        ),
-        (
-            |settings| settings.calm.as_mut().unwrap().calming_rate_hz = -1.0,
-            "calming_rate_hz is -1",
-        ),
-        (
-            |settings| settings.calm.as_mut().unwrap().rousing_rate_hz = f64::NAN,
-            "rousing_rate_hz",
         ),
     ];
     for (make_invalid, name) in breaks {

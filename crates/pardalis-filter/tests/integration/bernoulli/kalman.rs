@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 use pardalis_filter::bernoulli::{
-    BernoulliFilter, BernoulliSettings, CalmMotion, MeasurementComponent, ParticleRange,
+    BernoulliFilter, BernoulliSettings, MeasurementComponent, ParticleRange,
 };
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 
@@ -14,7 +14,6 @@ use super::{
 };
 
 /// Exact inference of position and velocity in space.
-#[derive(Clone)]
 struct Kalman {
     mean: Vector6<f64>,
     covariance: Matrix6<f64>,
@@ -39,11 +38,6 @@ impl Kalman {
     }
 
     fn predict(&mut self, dt_s: f64) {
-        self.predict_with(dt_s, DENSITY_M2PS3);
-    }
-
-    /// Predicts with this density of the acceleration noise, m²/s³.
-    fn predict_with(&mut self, dt_s: f64, q: f64) {
         let mut f = Matrix6::identity();
         for axis in 0..3 {
             f[(axis, axis + 3)] = dt_s;
@@ -51,6 +45,7 @@ impl Kalman {
         self.mean = f * self.mean;
         self.covariance = f * self.covariance * f.transpose();
         for axis in 0..3 {
+            let q = DENSITY_M2PS3;
             self.covariance[(axis, axis)] += q * dt_s.powi(3) / 3.0;
             self.covariance[(axis, axis + 3)] += q * dt_s.powi(2) / 2.0;
             self.covariance[(axis + 3, axis)] += q * dt_s.powi(2) / 2.0;
@@ -441,156 +436,4 @@ fn predicted_velocities_may_jump_but_not_out_of_a_plane() {
             assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
         }
     }
-}
-
-/// One history of a target that was calm in some steps and lively in others.
-#[derive(Clone)]
-struct History {
-    kalman: Kalman,
-    /// The logarithm of its probability times the density of the measurements.
-    log_weight: f64,
-    is_calm: bool,
-}
-
-/// Returns mean and covariance over all histories, and the probability that the target is calm.
-fn moments(histories: &[History]) -> (Vector6<f64>, Matrix6<f64>, f64) {
-    let logs = histories.iter().map(|history| history.log_weight);
-    let greatest = logs.fold(f64::NEG_INFINITY, f64::max);
-    let weights = histories
-        .iter()
-        .map(|history| (history.log_weight - greatest).exp());
-    let weights: Vec<f64> = weights.collect();
-    let total: f64 = weights.iter().sum();
-    let weighted = || {
-        let shares = weights.iter().map(|weight| weight / total);
-        shares.zip(histories)
-    };
-    let mean: Vector6<f64> = weighted().map(|(share, h)| share * h.kalman.mean).sum();
-    let covariance = weighted().map(|(share, h)| {
-        let off = h.kalman.mean - mean;
-        share * (h.kalman.covariance + off * off.transpose())
-    });
-    let calm = weighted().map(|(share, h)| share * f64::from(u8::from(h.is_calm)));
-    (mean, covariance.sum(), calm.sum())
-}
-
-/// Returns the histories one step later, with what was measured then.
-fn grown(
-    histories: &[History],
-    calm: &CalmMotion,
-    dt_s: f64,
-    (place_m, covariance_m2): (Vector3<f64>, Matrix3<f64>),
-) -> Vec<History> {
-    // A Markov chain of two states.
-    let both_hz = calm.calming_rate_hz + calm.rousing_rate_hz;
-    let settled = (1.0 - (-both_hz * dt_s).exp()) / both_hz;
-    let turning = [calm.calming_rate_hz, calm.rousing_rate_hz].map(|rate_hz| rate_hz * settled);
-    let after = |history: &History, is_calm: bool| {
-        let turning = turning[usize::from(history.is_calm)];
-        let chance = if is_calm == history.is_calm {
-            1.0 - turning
-        } else {
-            turning
-        };
-        let mut kalman = history.kalman.clone();
-        let share = if is_calm { calm.noise_share } else { 1.0 };
-        kalman.predict_with(dt_s, share * DENSITY_M2PS3);
-        let log_density = kalman.update(place_m, covariance_m2);
-        History {
-            kalman,
-            log_weight: history.log_weight + chance.ln() + log_density,
-            is_calm,
-        }
-    };
-    let all = histories.iter();
-    let all = all.flat_map(|history| [false, true].map(|is_calm| after(history, is_calm)));
-    all.collect()
-}
-
-/// Sharp measurements tell the calm histories from the lively ones: at first the target moves evenly, then it is accelerated.
-#[test]
-fn calm_and_lively_targets_agree_with_the_sum_over_all_histories() {
-    const SEEDS: u32 = 100;
-    const STEPS: usize = 9;
-    const STEP_S: f64 = 0.05;
-    let calm = CalmMotion {
-        noise_share: 0.02,
-        calming_rate_hz: 2.0,
-        rousing_rate_hz: 3.0,
-    };
-    let mut settings = certain(velocity());
-    settings.calm = Some(calm);
-    settings.particles = ParticleRange::fixed(5000);
-    // Moments would only approximate that many histories.
-    settings.proposal.min_effective_share = 1e-9;
-    let covariance_m2 = slanted(0.02, 0.006);
-    let start = GaussianStart {
-        covariance_m2: diagonal_m2([0.01; 3]),
-        velocity_sigma_mps: [0.5; 3],
-        ..START
-    };
-    let mut filters: Vec<_> = (0..SEEDS)
-        .map(|seed| {
-            let mut filter = filter(&settings, seed);
-            filter.start(&start, 1.0).unwrap();
-            filter
-        })
-        .collect();
-    let mut histories = vec![History {
-        kalman: Kalman::new(&start),
-        log_weight: 0.0,
-        is_calm: false,
-    }];
-    let mut calm_chances = Vec::new();
-    for step in 0..STEPS {
-        let time_s = STEP_S * (step + 1) as f64;
-        let place_m = measured(step, time_s, &covariance_m2);
-        let accelerated_m = 4.0 * (time_s - 0.25).max(0.0).powi(2);
-        let place_m = place_m + Vector3::new(0.0, accelerated_m, 0.0);
-        histories = grown(&histories, &calm, STEP_S, (place_m, covariance_m2));
-        let component = MeasurementComponent {
-            position_m: place_m.into(),
-            covariance_m2: entries(&covariance_m2),
-            log_weight: 3.0,
-        };
-        let mut estimates = Vec::new();
-        for filter in &mut filters {
-            filter.predict(STEP_S);
-            let ratio = gaussian_ratio(place_m, covariance_m2, 0.0);
-            filter.update(&[component], f64::INFINITY, ratio);
-            estimates.push(filter.estimate(0.0).unwrap());
-        }
-        let (mean, covariance, calm_chance) = moments(&histories);
-        calm_chances.push(calm_chance);
-        for axis in 0..3 {
-            let place = format!("step {step}, axis {axis}");
-            let sigma = covariance[(axis, axis)].sqrt();
-            let values: Vec<f64> = estimates.iter().map(|e| e.position_m[axis]).collect();
-            check_unbiased(&values, mean[axis], sigma, &place);
-            let sigma = covariance[(axis + 3, axis + 3)].sqrt();
-            let values: Vec<f64> = estimates
-                .iter()
-                .map(|e| e.velocity_mps.unwrap()[axis])
-                .collect();
-            check_unbiased(
-                &values,
-                mean[axis + 3],
-                sigma,
-                &format!("velocity, {place}"),
-            );
-        }
-        let off = covariance_error(
-            &covariance.fixed_view::<3, 3>(3, 3).into(),
-            estimates.iter().map(|e| {
-                let error = Vector3::from(e.velocity_mps.unwrap()) - mean.fixed_rows::<3>(3);
-                (error, e.velocity_covariance_m2ps2.unwrap())
-            }),
-        );
-        // The posterior is a mixture of few histories at a time, with several hundred particles each.
-        assert!(off.abs().max() < 0.1, "step {step}: {off}");
-    }
-    // Both kinds of histories have been decisive.
-    let greatest = calm_chances.iter().copied().fold(0.0, f64::max);
-    let last = calm_chances[STEPS - 1];
-    assert!(greatest > 0.8 && last < 0.2, "{calm_chances:?}");
 }

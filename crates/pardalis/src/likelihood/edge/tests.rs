@@ -488,3 +488,34 @@ fn one_camera_takes_the_size_as_given_and_its_error_moves_the_ball_along_the_ray
         );
     }
 }
+
+/// A ball of 41 px whose middle is darker than its rim. Its mean colour is that of the model which was learnt from the same image, although the outline is fitted in finer octaves.
+#[test]
+fn mean_colours_are_those_that_are_learnt() {
+    let place_m = [0.0, 0.0, 0.5];
+    let (frame, labels) = picture(place_m, SIZE.0);
+    let mut bytes = frame.bytes().to_vec();
+    for (i, rgb) in bytes.chunks_exact_mut(3).enumerate() {
+        let (column, row) = ((i % SIZE.0) as f64 - 79.5, (i / SIZE.0) as f64 - 59.5);
+        if column.hypot(row) < 31.0 {
+            for value in rgb {
+                *value = (0.8 * f64::from(*value)) as u8;
+            }
+        }
+    }
+    let encoding = YuvEncoding::default();
+    let (width, height) = SIZE;
+    let frame = Frame::new(PixelFormat::Rgb8, encoding, width, height, bytes, 0.0).unwrap();
+    let mut learner = ColorLearner::new(Palette::HSI).unwrap();
+    learner.add(&frame, &labels).unwrap();
+    let learnt = learner.learn().unwrap().body().unwrap().mean();
+    let found = fitted(&frame, place_m, None).unwrap();
+    assert!(
+        found.lines()[0].octave < Octave(2),
+        "finer than where it is judged"
+    );
+    let seen: Vec<_> = found.body_colors().collect();
+    for (seen, learnt) in seen[0].1.into_iter().zip(learnt) {
+        assert!((seen - learnt).abs() < 3.0, "{seen} {learnt}");
+    }
+}

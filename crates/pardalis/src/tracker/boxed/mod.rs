@@ -118,7 +118,6 @@ impl BoxedTarget {
         filter.birth_velocity_sigma_mps = tuning.birth_velocity_sigma_mps;
         filter.velocity_jump_rate_hz = existence.velocity_jump_rate_hz;
         filter.velocity_jump_sigma_mps = existence.velocity_jump_sigma_mps;
-        filter.calm = existence.calm_motion(&tuning);
         Ok(Self {
             track: Track::new(views.len()),
             others: Measurements::default(),

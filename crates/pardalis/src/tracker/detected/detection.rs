@@ -62,8 +62,6 @@ impl Outline {
 pub(super) struct Prediction {
     /// Where the target is, if it exists.
     pub(super) estimate: Option<StateEstimate>,
-    /// The covariance of its position (xx, xy, xz, yy, yz, zz in m²) if it is lively, and if it is calm; `None` if it is always lively.
-    pub(super) by_liveliness_m2: Option<[Option<[f64; 6]>; 2]>,
     /// The probability that it exists.
     pub(super) existence: f64,
     /// The time since the frames before, seconds.
@@ -180,10 +178,7 @@ impl Detector {
         let is_expected = predicted.existence > tuning.min_predicted_existence;
         if let Some(estimate) = predicted.estimate.as_ref().filter(|_| is_expected) {
             let mean_m = estimate.position_m;
-            // The prior only guides the fit. What is measured must not depend on how calm the target is taken to be.
-            let lively_m2 = predicted.by_liveliness_m2.and_then(|[lively, _]| lively);
-            let covariance_m2 = lively_m2.unwrap_or(estimate.covariance_m2);
-            let information = self.information(covariance_m2, predicted.size.scale());
+            let information = self.information(estimate.covariance_m2, predicted.size.scale());
             let mean = Vector3::from(mean_m);
             let priors = Priors {
                 position: Some((&mean, &information)),

@@ -15,26 +15,19 @@ pub(super) fn matrix([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
-/// Where frames by themselves put a target, metres, given its detection, the covariances of the predictions for a lively and for a calm target, and what the filter made of
-/// them: its mean, and the probability that the target is calm. The filter weighs the whole likelihood and not only its peak; where the prediction says little in comparison,
-/// its mean is that of the frames alone.
+/// Where frames by themselves put a target, metres, given its detection and what the filter made of the prediction. The filter weighs the whole likelihood and not only its peak;
+/// where the prediction says little in comparison, its mean is that of the frames alone.
 pub(super) fn measured_m(
     detected: &MeasurementComponent,
-    predicted_m2: &[Option<[f64; 6]>; 2],
-    (updated, calm_chance): (&StateEstimate, f64),
+    predicted: &StateEstimate,
+    updated: &StateEstimate,
 ) -> Option<[f64; 3]> {
+    let prior = matrix(predicted.covariance_m2);
+    let least = Matrix3::from_diagonal_element(1e-9 * prior.trace());
+    let inverse = (prior + matrix(detected.covariance_m2) + least).try_inverse()?;
     let peak = Vector3::from(detected.position_m);
     let off = Vector3::from(updated.position_m) - peak;
-    let mut kept = Vector3::zeros();
-    for (predicted_m2, chance) in predicted_m2.iter().zip([1.0 - calm_chance, calm_chance]) {
-        if let Some(covariance_m2) = predicted_m2 {
-            let prior = matrix(*covariance_m2);
-            let least = Matrix3::from_diagonal_element(1e-9 * prior.trace());
-            let inverse = (prior + matrix(detected.covariance_m2) + least).try_inverse()?;
-            kept += chance * (prior * inverse * off);
-        }
-    }
-    Some((peak + kept).into())
+    Some((peak + prior * inverse * off).into())
 }
 
 impl DetectedTarget {

@@ -10,6 +10,7 @@ mod boxes;
 mod candidates;
 mod challenge;
 mod detection;
+mod estimate;
 mod exposures;
 mod heading;
 mod look_alikes;
@@ -40,7 +41,7 @@ use super::member::Member;
 use super::settings::DetectedSettings;
 use super::statistics::ImageStatistics;
 use super::track::{Instant, Track, mean_log_ratio};
-use super::{Estimate, RadiusEstimate, TrackState};
+use super::{Estimate, TrackState};
 use crate::Frame;
 use crate::color::{ColorModel, PixelKind};
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, EdgeFrameContext, Outlines};
@@ -60,7 +61,6 @@ use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
 use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
-use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::modes::ModeFilter;
 use places::Place;
@@ -173,7 +173,6 @@ impl DetectedTarget {
         filter.birth_velocity_sigma_mps = tuning.existence.birth_velocity_sigma_mps;
         filter.velocity_jump_rate_hz = existence.velocity_jump_rate_hz;
         filter.velocity_jump_sigma_mps = existence.velocity_jump_sigma_mps;
-        filter.calm = existence.calm_motion(&tuning.existence);
         filter.proposal = tuning.proposal;
         let filter = BernoulliFilter::new(filter, draws)?;
         let ground_z_m = is_planar.then_some(existence.ground_z_m);
@@ -308,7 +307,6 @@ impl DetectedTarget {
     fn prediction(&self) -> Prediction {
         Prediction {
             estimate: self.filter.estimate(0.0),
-            by_liveliness_m2: self.filter.predicted_by_liveliness(),
             existence: self.filter.existence(),
             since_s: self.since_s,
             size: self.size.known(),
@@ -631,21 +629,6 @@ impl DetectedTarget {
             .expect("starts are checked before");
     }
 
-    /// The probability that the target exists and lies within one diameter of the estimate.
-    pub(super) fn confidence(&self) -> f64 {
-        self.confidence_ahead(0.0)
-    }
-
-    /// The same `ahead_s` seconds after the latest frames.
-    fn confidence_ahead(&self, ahead_s: f64) -> f64 {
-        let near = |known: StateEstimate| {
-            self.filter
-                .weight_within(known.position_m, self.diameter_m())
-        };
-        let known = self.filter.estimate(ahead_s);
-        self.filter.existence() * known.map_or(0.0, near)
-    }
-
     /// Forgets all frames and the start, as if the target had never been seen.
     pub(super) fn reset(&mut self) {
         self.begin(&GaussianStart::default(), 0.0);
@@ -674,58 +657,5 @@ impl DetectedTarget {
     /// The mean log-likelihood ratio of a camera's latest frame over the posterior, in nats.
     pub(super) fn log_likelihood_ratio(&self, camera: usize) -> f64 {
         mean_log_ratio(&self.log_ratios[camera], self.filter.weights(), 0.0)
-    }
-
-    /// Adds to a covariance of positions (xx, xy, xz, yy, yz, zz in m²) that of errors which frames share: of the size and of the cameras.
-    fn add_shared(&self, covariance_m2: &mut [f64; 6]) {
-        let of_size = self.size_error_m2();
-        let of_cameras = self.agreement.covariance_m2(&self.tuning.agreement);
-        let of_cameras = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| of_cameras[at]);
-        for (sum, more) in covariance_m2.iter_mut().zip(of_size) {
-            *sum += more;
-        }
-        for (sum, more) in covariance_m2.iter_mut().zip(of_cameras) {
-            *sum += more;
-        }
-    }
-
-    /// Estimates the target `ahead_s` seconds after the latest frames; nothing changes.
-    pub(super) fn estimate(&self, ahead_s: f64) -> Estimate {
-        let is_known = self.track.is_known();
-        let mut kinematics = self.filter.estimate(ahead_s).filter(|_| is_known);
-        if let (Some(known), Some(detected)) = (&mut kinematics, &self.detected) {
-            // The smaller the effective sample size, the less the scatter of the particles says.
-            let detected_m2 = self.sights.position_m2(detected.covariance_m2);
-            for (sum, variance) in known.covariance_m2.iter_mut().zip(detected_m2) {
-                *sum += variance / known.effective_sample_size;
-            }
-        }
-        if let Some(known) = &mut kinematics {
-            self.add_shared(&mut known.covariance_m2);
-            self.set_velocity(known, ahead_s);
-        }
-        let size = self.size.known();
-        let heading = self.heading.filter(|_| is_known);
-        let heading = heading.and_then(|heading| heading.estimate(ahead_s, &self.tuning.heading));
-        let confidence = if is_known {
-            self.confidence_ahead(ahead_s)
-        } else {
-            // The probability that the target exists and is visible.
-            self.filter.existence() * self.track.greatest_visibility()
-        };
-        Estimate {
-            state: self.track.state(),
-            kinematics,
-            heading_rad: heading.map(|[heading_rad, _]| heading_rad),
-            heading_sigma_rad: heading.map(|[_, sigma_rad]| sigma_rad),
-            radius: self.size.is_estimated().then(|| {
-                let radius_m = 0.5 * self.diameter_m();
-                RadiusEstimate {
-                    radius_m,
-                    sigma_m: size.sigma * radius_m,
-                }
-            }),
-            confidence,
-        }
     }
 }

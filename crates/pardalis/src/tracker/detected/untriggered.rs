@@ -181,12 +181,9 @@ impl DetectedTarget {
         self.detected = target.map(|target| target.component);
         self.measured_m = None;
         let Some(target) = target else { return };
-        let by_liveliness_m2 = predicted.by_liveliness_m2;
         let predicted = predicted.estimate.as_ref();
-        self.measured_m = predicted.and_then(|known| {
-            let covariances_m2 = by_liveliness_m2.unwrap_or([Some(known.covariance_m2), None]);
-            let updated = (&self.filter.estimate(0.0)?, self.filter.calm_chance());
-            measured_m(&target.component, &covariances_m2, updated)
+        self.measured_m = predicted.and_then(|predicted| {
+            measured_m(&target.component, predicted, &self.filter.estimate(0.0)?)
         });
         let before = self.size_error_m2();
         let detection = &self.detector.detections()[target.detection];
