@@ -1,6 +1,7 @@
 //! Tracks in another world frame than the truth.
 
 use nalgebra::{Point3, Vector3};
+use pardalis::filter::estimate::covariance_matrix;
 use pardalis_camera::{Pose, nearest_pose};
 
 use crate::EstimatedState;
@@ -38,9 +39,8 @@ impl EstimatedState {
     pub fn moved(&self, truth_from_track: &Pose) -> Self {
         let turn = truth_from_track.rotation;
         let place = |at_m: [f64; 3]| (truth_from_track * Point3::from(at_m)).coords.into();
-        let turned = |[xx, xy, xz, yy, yz, zz]: [f64; 6]| {
-            let covariance = nalgebra::Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-            let turned = turn.matrix() * covariance * turn.matrix().transpose();
+        let turned = |covariance: [f64; 6]| {
+            let turned = turn.matrix() * covariance_matrix(covariance) * turn.matrix().transpose();
             [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| turned[at])
         };
         Self {

@@ -1,5 +1,12 @@
 //! State estimate of a filter at one instant.
 
+use nalgebra::Matrix3;
+
+/// Returns the matrix of a covariance that is listed as xx, xy, xz, yy, yz, zz.
+pub fn covariance_matrix([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
 /// Mean, covariance and best particle at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StateEstimate {

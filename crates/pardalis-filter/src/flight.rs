@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
+use crate::estimate::covariance_matrix;
 use crate::modes::GRAVITY_MPS2;
 use pardalis_core::Error;
 
@@ -185,10 +186,6 @@ pub struct Flight {
     fit: Option<Fit>,
 }
 
-fn matrix_of([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-}
-
 /// The acceleration of a body in flight.
 fn acceleration_mps2(
     gravity_mps2: &Vector3<f64>,
@@ -279,11 +276,11 @@ impl Flight {
         if self.points.back().is_some_and(|last| last.time_s >= time_s) {
             return;
         }
-        let covariance = matrix_of(covariance_m2);
+        let covariance = covariance_matrix(covariance_m2);
         let Some(cholesky) = covariance.cholesky() else {
             return;
         };
-        self.shared_m2 = matrix_of(shared_m2);
+        self.shared_m2 = covariance_matrix(shared_m2);
         let point = Point {
             time_s,
             position_m: position_m.into(),

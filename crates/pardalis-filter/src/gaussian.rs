@@ -1,8 +1,8 @@
 //! Gaussian prior over position and velocity, from which a filter is initialised.
 
-use nalgebra::{IsometryMatrix3, Matrix3, Point3, Vector3};
+use nalgebra::{IsometryMatrix3, Point3, Vector3};
 
-use crate::estimate::StateEstimate;
+use crate::estimate::{StateEstimate, covariance_matrix};
 use pardalis_core::Error;
 
 /// Largest magnitude of an initial coordinate, in metres, and of an initial velocity component, in
@@ -72,9 +72,7 @@ impl GaussianStart {
     #[must_use]
     pub fn moved(&self, world_from_other: &IsometryMatrix3<f64>) -> Self {
         let rotation = world_from_other.rotation.matrix();
-        let [xx, xy, xz, yy, yz, zz] = self.covariance_m2;
-        let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-        let moved = rotation * covariance * rotation.transpose();
+        let moved = rotation * covariance_matrix(self.covariance_m2) * rotation.transpose();
         let variances = Vector3::from(self.velocity_sigma_mps).map(|sigma| sigma * sigma);
         let velocity_variances = rotation.component_mul(rotation) * variances;
         Self {
@@ -193,7 +191,7 @@ pub fn check_sigma(name: &str, values: [f64; 3]) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Rotation3, Translation3};
+    use nalgebra::{Matrix3, Rotation3, Translation3};
 
     fn with(covariance_m2: [f64; 6]) -> GaussianStart {
         GaussianStart {

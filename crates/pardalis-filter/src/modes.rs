@@ -7,6 +7,7 @@
 
 use nalgebra::{Matrix3, Matrix6, Matrix6x3, SMatrix, SVector, Vector3, Vector6};
 
+use crate::estimate::covariance_matrix;
 use crate::gaussian::GaussianStart;
 
 /// The number of ways to move.
@@ -162,10 +163,6 @@ pub(crate) struct Transition {
     pub(crate) dt_s: f64,
 }
 
-pub(crate) fn matrix_of([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-}
-
 fn entries_of(matrix: &Matrix6<f64>, at: usize) -> [f64; 6] {
     [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|(i, j)| matrix[(at + i, at + j)])
 }
@@ -302,7 +299,7 @@ impl Mixture {
             let velocity_variance = start.velocity_sigma_mps[axis].powi(2);
             state.covariance[(axis + 3, axis + 3)] = velocity_variance;
         }
-        let of_position = matrix_of(start.covariance_m2);
+        let of_position = covariance_matrix(start.covariance_m2);
         let mut block = state.covariance.fixed_view_mut::<3, 3>(0, 0);
         block.copy_from(&of_position);
         Self {
@@ -341,7 +338,7 @@ impl Mixture {
         let mut updated = predicted;
         let mut weights: SMatrix<f64, MODES, MODES> = chances;
         if let Some((position_m, covariance_m2)) = measured {
-            let covariance_m2 = matrix_of(covariance_m2);
+            let covariance_m2 = covariance_matrix(covariance_m2);
             let mut logs = SMatrix::zeros();
             for (from, states) in updated.iter_mut().enumerate() {
                 for (to, state) in states.iter_mut().enumerate() {

@@ -16,6 +16,7 @@ use foxglove::messages::{
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions, Writer};
 use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion};
+use pardalis::filter::estimate::covariance_matrix;
 use pardalis::shape::Shape;
 use pardalis::tracker::TrackState;
 use pardalis::view::View;
@@ -363,7 +364,7 @@ fn odometry(name: &str, time: Time, known: &StateEstimate, heading_rad: Option<f
     let own_from_world = yaw.inverse().to_rotation_matrix();
     let velocity_covariance_m2ps2 = known.velocity_covariance_m2ps2.map(|entries| {
         let turn = own_from_world.matrix();
-        turn * symmetric(entries) * turn.transpose()
+        turn * covariance_matrix(entries) * turn.transpose()
     });
     Odometry {
         timestamp: Some(time.stamp),
@@ -374,15 +375,10 @@ fn odometry(name: &str, time: Time, known: &StateEstimate, heading_rad: Option<f
             orientation: Some(quaternion(&yaw)),
         }),
         linear_velocity: velocity_mps.map(|v| vector(yaw.inverse_transform_vector(&v).into())),
-        pose_covariance: upper_left(&symmetric(known.covariance_m2)),
+        pose_covariance: upper_left(&covariance_matrix(known.covariance_m2)),
         velocity_covariance: upper_left(&velocity_covariance_m2ps2.unwrap_or_default()),
         ..Odometry::default()
     }
-}
-
-/// The covariance with the entries xx, xy, xz, yy, yz, zz.
-fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
 /// The 36 numbers of a covariance of which that of rotations is unknown: row by row, with zeros for it.
@@ -424,7 +420,7 @@ fn entity(
             color: Some(color_of(key, if is_seen { 1.0 } else { 0.4 })),
         });
     }
-    let axes = SymmetricEigen::new(symmetric(known.covariance_m2));
+    let axes = SymmetricEigen::new(covariance_matrix(known.covariance_m2));
     let mut rotation = axes.eigenvectors;
     if rotation.determinant() < 0.0 {
         rotation.set_column(0, &-rotation.column(0));

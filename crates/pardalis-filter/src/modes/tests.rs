@@ -87,7 +87,7 @@ fn simulated(seed: u32, steps: u32) -> (Vec<Measured>, Vec<Vector6<f64>>) {
                 position += left_s * jump_mps;
             }
         }
-        let at = state.fixed_rows::<3>(0) + random.drawn(&matrix_of(COVARIANCE_M2));
+        let at = state.fixed_rows::<3>(0) + random.drawn(&covariance_matrix(COVARIANCE_M2));
         let is_seen = step % 5 != 3;
         measured.push(Measured {
             time_s: STEP_S * f64::from(step),
@@ -141,7 +141,7 @@ fn targets_that_move_as_the_modes_say_are_as_certain_as_they_should_be() {
             ];
             for (part, (mean, covariance)) in parts.into_iter().enumerate() {
                 let off = truth.fixed_rows::<3>(3 * part) - Vector3::from(mean);
-                let inverse = matrix_of(covariance).try_inverse().unwrap();
+                let inverse = covariance_matrix(covariance).try_inverse().unwrap();
                 sums[part] += off.dot(&(inverse * off));
             }
             count += 1.0;

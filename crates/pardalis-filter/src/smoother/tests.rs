@@ -1,5 +1,6 @@
 use super::*;
-use crate::modes::{GRAVITY_MPS2, Way, matrix_of};
+use crate::estimate::covariance_matrix;
+use crate::modes::{GRAVITY_MPS2, Way};
 use nalgebra::{DMatrix, DVector, Vector6};
 use pardalis_core::rng::{Draws, Stage};
 
@@ -52,7 +53,7 @@ fn one_mode_gives_what_least_squares_over_all_states_gives() {
     let count = 6 * times_s.len();
     let mut information = DMatrix::<f64>::zeros(count, count);
     let mut right = DVector::<f64>::zeros(count);
-    let weight = matrix_of(COVARIANCE_M2).try_inverse().unwrap();
+    let weight = covariance_matrix(COVARIANCE_M2).try_inverse().unwrap();
     for (number, one) in measured.iter().enumerate() {
         if let Some((position_m, _)) = one.position {
             let mut block = information.fixed_view_mut::<3, 3>(6 * number, 6 * number);
@@ -142,7 +143,9 @@ fn errors(states: &[Option<ModeState>]) -> [f64; 3] {
         let off = Vector3::from(state.position_m) - place;
         position += off.norm_squared();
         velocities.push((Vector3::from(state.velocity_mps) - speed).norm());
-        let inverse = matrix_of(state.covariance_m2).try_inverse().unwrap();
+        let inverse = covariance_matrix(state.covariance_m2)
+            .try_inverse()
+            .unwrap();
         nees += off.dot(&(inverse * off));
     }
     let count = states.len() as f64;
@@ -152,7 +155,7 @@ fn errors(states: &[Option<ModeState>]) -> [f64; 3] {
 }
 
 fn measured_throw() -> Vec<Measured> {
-    let deviation = matrix_of(COVARIANCE_M2).cholesky().unwrap().l();
+    let deviation = covariance_matrix(COVARIANCE_M2).cholesky().unwrap().l();
     let one = |number: u32| {
         let time_s = STEP_S * f64::from(number);
         let place = thrown(time_s).0 + deviation * noise(number);

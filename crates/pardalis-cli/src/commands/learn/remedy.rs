@@ -194,7 +194,7 @@ impl Remedy {
         match self.change {
             Change::Options(_) => "learn again with this option",
             Change::CloserBoxes => {
-                "the labels are too large; draw boxes that touch the ball on all sides, or take these"
+                "the labels are larger than the ball, or its edge is blurred; take these boxes"
             }
             Change::Corners | Change::Swapped => "boxes are X,Y,WIDTH,HEIGHT; take these",
         }

@@ -360,7 +360,7 @@ impl Report<'_> {
         for image in images.iter().filter(|image| image.is_suspect()) {
             writeln!(
                 f,
-                "{}: its labelled pixels differ from those of the other images, probably because of a bad label, other illumination or another camera. \
+                "{}: its labelled pixels differ from those of the other images: the label may be beside the target, or blur, surroundings or light differ. \
                  Correct the label, or, if it is right, label another image like this one.",
                 image.name
             )?;

@@ -266,7 +266,7 @@ fn remedies_are_recommended_that_work() {
         &[
             "The detector finds the ball in 2 of 3",
             "000037.jpg   132.5   130.5   32.1   nothing",
-            "With boxes 15 % smaller than these labels, it is found in 3 of 3: the labels are too large",
+            "With boxes 15 % smaller than these labels, it is found in 3 of 3: the labels are larger than the ball, or its edge is blurred",
         ],
     );
     let pasted = report(&folder, &command(&text));

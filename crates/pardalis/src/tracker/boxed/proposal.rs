@@ -1,6 +1,6 @@
 //! What each box may be, and where boxes put the body: alone, and where rays of several cameras meet.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::{BoxedTarget, Buffers, Meeting, upper};
 use crate::tracker::box_model::{Body, Fit, Sight, clipped, sigma_px};
@@ -10,6 +10,7 @@ use crate::tracker::track::Instant;
 use crate::tracker::{CameraId, TrackState};
 use crate::view::View;
 use pardalis_filter::bernoulli::MeasurementComponent;
+use pardalis_filter::estimate::covariance_matrix;
 
 /// Rays through boxes of one body pass each other by less than this, diameters. Hand-set.
 const MEETING_DIAMETERS: f64 = 1.0;
@@ -186,8 +187,7 @@ impl BoxedTarget {
         // Who may be new to a crowd takes one place, and leaves the others to others.
         if self.member.is_some() && self.number().is_none() {
             let likeliness = |component: &MeasurementComponent| {
-                let [xx, xy, xz, yy, yz, zz] = component.covariance_m2;
-                let covariance_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+                let covariance_m2 = covariance_matrix(component.covariance_m2);
                 let density = self.filter.located()
                     * self
                         .filter

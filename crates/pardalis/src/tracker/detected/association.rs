@@ -8,6 +8,7 @@ use crate::color::PixelKind;
 use crate::likelihood::edge::{Detection, EdgeFrame, Widening};
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use pardalis_filter::bernoulli::MeasurementComponent;
+use pardalis_filter::estimate::covariance_matrix;
 
 /// What data association makes of one detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -262,8 +263,7 @@ impl DetectedTarget {
     fn likeliest(&self, associated: &[AssociatedDetection]) -> Option<usize> {
         let score = |associated: &AssociatedDetection| {
             let component = &associated.component;
-            let [xx, xy, xz, yy, yz, zz] = component.covariance_m2;
-            let covariance_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            let covariance_m2 = covariance_matrix(component.covariance_m2);
             let predicted = self.density(component.position_m, &covariance_m2) + self.birth_density;
             component.log_weight + libm::log(predicted)
         };

@@ -14,6 +14,7 @@ use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tuning::{DetectionTuning, HeadingTuning, Tuning};
 use pardalis_core::simd::Level;
 use pardalis_filter::estimate::StateEstimate;
+use pardalis_filter::estimate::covariance_matrix;
 
 /// Finds detections. Owns their buffers.
 pub(super) struct Detector {
@@ -412,11 +413,10 @@ impl Detector {
     }
 
     /// The inverse of a covariance (xx, xy, xz, yy, yz, zz in m²), no sharper than the tuning says.
-    fn information(&self, [xx, xy, xz, yy, yz, zz]: [f64; 6], scale: f64) -> Matrix3<f64> {
+    fn information(&self, covariance_m2: [f64; 6], scale: f64) -> Matrix3<f64> {
         let diameter_m = scale * self.shape.diameter_m();
         let least = (self.tuning.min_sigma_diameters * diameter_m).powi(2);
-        let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-            + Matrix3::from_diagonal_element(least);
+        let covariance = covariance_matrix(covariance_m2) + Matrix3::from_diagonal_element(least);
         covariance.try_inverse().unwrap_or_else(Matrix3::zeros)
     }
 }

@@ -6,14 +6,10 @@ use super::DetectedTarget;
 use crate::tracker::BodyMeasurement;
 use pardalis_filter::bernoulli::MeasurementComponent;
 use pardalis_filter::estimate::StateEstimate;
+use pardalis_filter::estimate::covariance_matrix;
 
 /// Neighbouring frames share this part of the variance of a detection: of its edges and its background. Hand-set, from the errors of smoothed tracks.
 const SHARED_SHARE: f64 = 0.25;
-
-/// The covariance with the entries xx, xy, xz, yy, yz, zz.
-pub(super) fn matrix([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-}
 
 /// Where frames by themselves put a target, metres, given its detection and what the filter made of the prediction. The filter weighs the whole likelihood and not only its peak;
 /// where the prediction says little in comparison, its mean is that of the frames alone.
@@ -22,9 +18,9 @@ pub(super) fn measured_m(
     predicted: &StateEstimate,
     updated: &StateEstimate,
 ) -> Option<[f64; 3]> {
-    let prior = matrix(predicted.covariance_m2);
+    let prior = covariance_matrix(predicted.covariance_m2);
     let least = Matrix3::from_diagonal_element(1e-9 * prior.trace());
-    let inverse = (prior + matrix(detected.covariance_m2) + least).try_inverse()?;
+    let inverse = (prior + covariance_matrix(detected.covariance_m2) + least).try_inverse()?;
     let peak = Vector3::from(detected.position_m);
     let off = Vector3::from(updated.position_m) - peak;
     Some((peak + prior * inverse * off).into())

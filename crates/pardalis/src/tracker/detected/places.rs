@@ -6,6 +6,7 @@ use super::DetectedTarget;
 use super::association::AssociatedDetection;
 use crate::tracker::track::Instant;
 use pardalis_filter::bernoulli::MeasurementComponent;
+use pardalis_filter::estimate::covariance_matrix;
 
 /// Where a detection is, and how much of the weight of the particles is there.
 #[derive(Debug, Clone, Copy)]
@@ -20,8 +21,7 @@ pub(super) struct Place {
 
 impl Place {
     fn of(component: &MeasurementComponent) -> Option<Self> {
-        let [xx, xy, xz, yy, yz, zz] = component.covariance_m2;
-        let covariance_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let covariance_m2 = covariance_matrix(component.covariance_m2);
         Some(Self {
             position_m: component.position_m.into(),
             covariance_m2,

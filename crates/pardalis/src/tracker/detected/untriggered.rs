@@ -9,10 +9,11 @@ use nalgebra::{Matrix3, Vector3};
 use super::DetectedTarget;
 use super::association::AssociatedDetection;
 use super::detection::{Outline, Prediction};
-use super::measurement::{matrix, measured_m};
+use super::measurement::measured_m;
 use crate::likelihood::edge::{Detection, Widening};
 use pardalis_filter::bernoulli::MeasurementComponent;
 use pardalis_filter::estimate::StateEstimate;
+use pardalis_filter::estimate::covariance_matrix;
 
 /// For how long the prediction of the distance is better than what a camera alone sees, seconds. Hand-set: a thrown ball is predicted to a few millimetres for as long.
 const RECENT_S: f64 = 0.2;
@@ -36,7 +37,7 @@ impl Widened {
         let error_m = sigma * Vector3::from(drift_m);
         let error_m2 = error_m.norm_squared();
         let along = error_m.try_normalize(0.0)?;
-        let own_m2 = along.dot(&(matrix(component.covariance_m2) * along));
+        let own_m2 = along.dot(&(covariance_matrix(component.covariance_m2) * along));
         let widening = Widening {
             center_m: component.position_m.into(),
             along,
@@ -49,7 +50,7 @@ impl Widened {
     fn widen(self, associated: &mut AssociatedDetection) {
         let along = self.widening.along;
         let error = self.error_m2 * along * along.transpose();
-        let covariance = matrix(associated.component.covariance_m2) + error;
+        let covariance = covariance_matrix(associated.component.covariance_m2) + error;
         associated.component.covariance_m2 = entries(&covariance);
         // Its likelihood integrates to the same.
         associated.log_ratio_offset += libm::log(self.widening.nearness) as f32;
@@ -118,14 +119,14 @@ impl Sights {
         self.time_s = time_s;
         let predicted = predicted.filter(|_| associated.widened.is_some());
         self.after = predicted.and_then(|predicted| {
-            let prior = matrix(predicted.covariance_m2);
-            let both = prior + matrix(associated.component.covariance_m2);
+            let prior = covariance_matrix(predicted.covariance_m2);
+            let both = prior + covariance_matrix(associated.component.covariance_m2);
             let gain = prior * both.cholesky()?.inverse();
             let kept = Matrix3::identity() - gain;
             Some(AfterWidened {
                 position: kept * prior,
                 // That of these frames is in the widened likelihood.
-                size: kept * matrix(before) * kept.transpose(),
+                size: kept * covariance_matrix(before) * kept.transpose(),
             })
         });
     }
