@@ -1,6 +1,6 @@
-//! Ways to move: a target rolls or rests, somebody moves it, or it flies freely, until something hits it.
+//! How a target moves. A *mode* is a way to move, or a hit: a target rolls or rests, somebody moves it, or it flies freely, until something hits it.
 //!
-//! A mixture of Kalman filters finds out from measured positions in which way a target moves, and how fast. Each step has a *mode*: one of these ways, or a hit. Two modes in succession
+//! A mixture of Kalman filters finds out from measured positions in which mode a target moves, and how fast. Each step has a mode. Two modes in succession
 //! are one hypothesis, and those that end in the same mode are merged (generalised pseudo-Bayes estimator of second order, Bar-Shalom, Li and Kirubarajan 2001, section 11.6.5). What
 //! moves evenly thus has a velocity that is far better known than one that allows for any acceleration. [`ModeFilter`] goes frame by frame; the [smoother](crate::smoother)
 //! looks back over a recording.
@@ -31,14 +31,14 @@ pub struct Way {
     pub density_m2ps3: f64,
     /// How often the target begins to move in another way, per second.
     pub leave_hz: f64,
-    /// How likely the target begins to move in this way when it leaves another, relative to the other ways.
+    /// Relative probability that the target changes to this way when it leaves another.
     pub share: f64,
 }
 
 /// How a target may move.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModeSettings {
-    /// The ways to move.
+    /// The ways to move: rolling or at rest, moved by somebody, and in free flight.
     pub ways: [Way; WAYS],
     /// How often something hits the target: its velocity jumps. Per second.
     pub hit_rate_hz: f64,
@@ -49,7 +49,7 @@ pub struct ModeSettings {
 }
 
 impl Default for ModeSettings {
-    /// Rolling or at rest, moved by somebody, or in free flight with z upwards. Hand-set: between a ball on a desk and one that is thrown through a hall.
+    /// With z upwards. Tuned by hand for balls, from one on a desk to one that is thrown through a hall.
     fn default() -> Self {
         let way = |fall_mps2: f64, density_m2ps3, leave_hz| Way {
             acceleration_mps2: [0.0, 0.0, -fall_mps2],
@@ -115,10 +115,10 @@ impl ModeSettings {
     }
 }
 
-/// What was measured at one time.
+/// One measured position, such as that of a detection. Not the [`Measurement`](crate::Measurement) of another sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
-    /// The time in seconds; later than that of the one before.
+    /// The time in seconds. Times must not decrease.
     pub time_s: f64,
     /// Position in metres and its covariance (xx, xy, xz, yy, yz, zz in m²); `None` if the target was not measured.
     pub position: Option<([f64; 3], [f64; 6])>,
@@ -135,7 +135,7 @@ pub struct ModeState {
     pub covariance_m2: [f64; 6],
     /// Covariance of the velocity (xx, xy, xz, yy, yz, zz) in m²/s².
     pub velocity_covariance_m2ps2: [f64; 6],
-    /// The probability of each way to move, and last that of a hit since the time before.
+    /// The probability of each way to move, in the order of [`ModeSettings::ways`], and last that of a hit since the time before.
     pub modes: [f64; WAYS + 1],
 }
 
@@ -430,7 +430,7 @@ impl ModeFilter {
         self.latest = Some((time_s, Mixture::begun(start, &self.settings)));
     }
 
-    /// Takes what was measured at a time that is not before the one before; nothing, to move on to that time.
+    /// Takes a measurement. Without a position, the filter only predicts to that time.
     pub fn observe(&mut self, measured: &Measured) {
         let next = match &self.latest {
             Some((time_s, mixture)) => {
@@ -445,7 +445,7 @@ impl ModeFilter {
         self.latest = Some((measured.time_s, next));
     }
 
-    /// The state `ahead_s` seconds after the latest time; `None` before the first measurement.
+    /// The state `ahead_s` seconds after the latest time; a negative number counts as 0. `None` before [`begin`](Self::begin) or the first measured position.
     pub fn estimate(&self, ahead_s: f64) -> Option<ModeState> {
         let (_, mixture) = self.latest.as_ref()?;
         if ahead_s <= 0.0 {

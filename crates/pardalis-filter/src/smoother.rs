@@ -82,7 +82,7 @@ fn gain_of(cross: &Matrix6<f64>, covariance: &Matrix6<f64>) -> Matrix6<f64> {
 
 /// Smooths what was measured of a target, in the order of time. Returns a state per time; `None` before the first measurement and after the last.
 ///
-/// Errors that the measurements share are not smoothed; covariances are those of independent errors.
+/// Assumes that the errors of the measurements are independent. Add the covariance of errors that they share to each result.
 pub fn smooth(measured: &[Measured], settings: &ModeSettings) -> Vec<Option<ModeState>> {
     let mut states = vec![None; measured.len()];
     let is_measured = |one: &Measured| one.position.is_some();
@@ -214,7 +214,7 @@ impl Timed {
     }
 }
 
-/// Finds the contacts in a smoothed track. `states` are those of [`smooth`] for these measurements, with the same settings.
+/// Finds the contacts in a smoothed track: changes of the velocity of at least 0.6 m/s and four standard deviations. `states` are those of [`smooth`] for these measurements, with the same settings.
 pub fn contacts(
     measured: &[Measured],
     states: &[Option<ModeState>],

@@ -54,7 +54,7 @@ pub(super) fn read_existence(
         );
         settings.velocity_jump_rate_hz = rate(
             "velocity_jump_rate_hz",
-            "Rate of velocity jumps, such as bounces and kicks; 0 by default for targets with a detector that are no balls.",
+            "Rate of velocity jumps, such as bounces and kicks; 0 by default for targets with a detector that are no balls. Reported velocities expect a fifth of it.",
             default.velocity_jump_rate_hz,
         );
         settings.velocity_jump_sigma_mps = rate(
@@ -65,7 +65,7 @@ pub(super) fn read_existence(
         settings.motion_modes = existence
             .key(
                 "motion_modes",
-                "Whether velocities are those of a mixture of ways to move: rolling or at rest, moved by somebody, in free flight, or hit. Otherwise they are those of the motion model. Targets with a detector always have the latter.",
+                "Whether the velocity is estimated from how the target moves: rolling or at rest, moved by somebody, in free flight, or hit. If not, it is that of the motion model, as always for targets that a detector finds without colours or that other sensors measure.",
             )
             .or(default.motion_modes);
         settings.occlusion.occlusion_hz = rate(
