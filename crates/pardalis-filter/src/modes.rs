@@ -46,6 +46,8 @@ pub struct ModeSettings {
     pub hit_sigma_mps: f64,
     /// Standard deviation of the velocity before the first measurement, m/s.
     pub velocity_sigma_mps: f64,
+    /// Whether the target stays on a level plane: nothing moves it up or down.
+    pub is_planar: bool,
 }
 
 impl Default for ModeSettings {
@@ -66,6 +68,7 @@ impl Default for ModeSettings {
             hit_rate_hz: 0.2,
             hit_sigma_mps: 3.0,
             velocity_sigma_mps: 5.0,
+            is_planar: false,
         }
     }
 }
@@ -73,9 +76,17 @@ impl Default for ModeSettings {
 impl ModeSettings {
     /// The default for a target that stays on a plane: it does not fly.
     pub fn planar() -> Self {
-        let mut settings = Self::default();
+        let mut settings = Self {
+            is_planar: true,
+            ..Self::default()
+        };
         settings.ways[2].share = 0.0;
         settings
+    }
+
+    /// The number of axes, from the first one on, along which something may change the velocity.
+    fn free_axes(&self) -> usize {
+        if self.is_planar { 2 } else { 3 }
     }
 
     /// The share of each mode in a target of which nothing is known.
@@ -191,14 +202,14 @@ pub(crate) fn transition_of(dt_s: f64) -> Matrix6<f64> {
 }
 
 impl Gaussian {
-    /// Moves on for a time in one way.
-    pub(crate) fn moved(&self, way: &Way, dt_s: f64) -> Self {
+    /// Moves on for a time in one way, with noise along the first axes.
+    pub(crate) fn moved(&self, way: &Way, free_axes: usize, dt_s: f64) -> Self {
         let transition = transition_of(dt_s);
         let acceleration = Vector3::from(way.acceleration_mps2);
         let mut mean = transition * self.mean;
         let mut covariance = transition * self.covariance * transition.transpose();
         let density = way.density_m2ps3;
-        for axis in 0..3 {
+        for axis in 0..free_axes {
             mean[axis] += 0.5 * acceleration[axis] * dt_s * dt_s;
             mean[axis + 3] += acceleration[axis] * dt_s;
             covariance[(axis, axis)] += density * dt_s.powi(3) / 3.0;
@@ -211,14 +222,15 @@ impl Gaussian {
 
     /// Moves on from one mode to another.
     fn predicted(&self, (from, to): (usize, usize), settings: &ModeSettings, dt_s: f64) -> Self {
+        let free_axes = settings.free_axes();
         if to < WAYS {
-            return self.moved(&settings.ways[to], dt_s);
+            return self.moved(&settings.ways[to], free_axes, dt_s);
         }
         // Until it is hit it moves as before, which is not known if it was hit before, too.
         let way = settings.ways.get(from).unwrap_or(&settings.ways[0]);
-        let mut state = self.moved(way, dt_s);
+        let mut state = self.moved(way, free_axes, dt_s);
         let variance = settings.hit_sigma_mps.powi(2);
-        for axis in 0..3 {
+        for axis in 0..free_axes {
             state.covariance[(axis + 3, axis + 3)] += variance;
             if to == HITS[0] {
                 // The hit is at a moment that is uniformly distributed.
@@ -263,7 +275,7 @@ impl Gaussian {
 pub(crate) const NO_WEIGHT: f64 = 1e-12;
 
 /// Turns logarithms into weights that sum to one, times factors.
-pub(crate) fn normalised<const ROWS: usize, const COLUMNS: usize>(
+pub(crate) fn normalized<const ROWS: usize, const COLUMNS: usize>(
     logs: &SMatrix<f64, ROWS, COLUMNS>,
     factors: &SMatrix<f64, ROWS, COLUMNS>,
 ) -> SMatrix<f64, ROWS, COLUMNS> {
@@ -295,6 +307,8 @@ impl Mixture {
         };
         for axis in 0..3 {
             state.mean[axis] = start.position_m[axis];
+        }
+        for axis in 0..settings.free_axes() {
             state.mean[axis + 3] = start.velocity_mps[axis];
             let velocity_variance = start.velocity_sigma_mps[axis].powi(2);
             state.covariance[(axis + 3, axis + 3)] = velocity_variance;
@@ -345,7 +359,7 @@ impl Mixture {
                     (*state, logs[(from, to)]) = state.updated(position_m, &covariance_m2);
                 }
             }
-            weights = normalised(&logs, &chances);
+            weights = normalized(&logs, &chances);
         }
         let of_modes: SVector<f64, MODES> = weights.row_sum().transpose();
         let modes = std::array::from_fn(|to| {
@@ -389,18 +403,18 @@ pub(crate) const LEAST_STEP_S: f64 = 1e-9;
 /// Finds out frame by frame in which way a target moves, and how fast.
 ///
 /// ```
-/// use pardalis_filter::modes::{Measured, ModeFilter, ModeSettings};
+/// use pardalis_filter::modes::{ModeFilter, ModeSettings};
 ///
 /// // A ball rolls at 1 m/s along x; its positions are measured with a standard deviation of 1 cm.
 /// let mut filter = ModeFilter::new(ModeSettings::default());
 /// for frame in 0..25 {
 ///     let time_s = 0.04 * f64::from(frame);
-///     let position = ([time_s, 0.0, 0.11], [1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4]);
-///     filter.observe(&Measured { time_s, position: Some(position) });
+///     let covariance_m2 = [1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4];
+///     filter.observe(time_s, ([time_s, 0.0, 0.11], covariance_m2));
 /// }
-/// let state = filter.estimate(0.0).unwrap();
+/// let state = filter.estimate(0.96).unwrap();
 /// assert!((state.velocity_mps[0] - 1.0).abs() < 0.01);
-/// assert!(state.velocity_covariance_m2ps2[0].sqrt() < 0.1);
+/// assert!(state.velocity_covariance_m2ps2[0].sqrt() < 0.3);
 /// // It most likely rolls, rather than being moved, flying or having been hit.
 /// assert!(state.modes[0] > 0.5);
 /// ```
@@ -412,7 +426,7 @@ pub struct ModeFilter {
 }
 
 impl ModeFilter {
-    /// A filter that knows nothing yet.
+    /// A filter that knows nothing yet. At least one way to move must have a share.
     pub fn new(settings: ModeSettings) -> Self {
         Self {
             settings,
@@ -430,30 +444,46 @@ impl ModeFilter {
         self.latest = Some((time_s, Mixture::begun(start, &self.settings)));
     }
 
-    /// Takes a measurement. Without a position, the filter only predicts to that time.
-    pub fn observe(&mut self, measured: &Measured) {
+    /// Takes a position in metres and its covariance (xx, xy, xz, yy, yz, zz in m²), measured at a time in seconds. Times must not decrease.
+    pub fn observe(&mut self, time_s: f64, position: ([f64; 3], [f64; 6])) {
         let next = match &self.latest {
-            Some((time_s, mixture)) => {
-                let dt_s = (measured.time_s - time_s).max(LEAST_STEP_S);
-                mixture.next(measured.position, dt_s, &self.settings).0
+            Some((before_s, mixture)) => {
+                let dt_s = (time_s - before_s).max(LEAST_STEP_S);
+                mixture.next(Some(position), dt_s, &self.settings).0
             }
-            None => match measured.position {
-                Some(position) => Mixture::measured(position, &self.settings),
-                None => return,
-            },
+            None => Mixture::measured(position, &self.settings),
         };
-        self.latest = Some((measured.time_s, next));
+        self.latest = Some((time_s, next));
     }
 
-    /// The state `ahead_s` seconds after the latest time; a negative number counts as 0. `None` before [`begin`](Self::begin) or the first measured position.
-    pub fn estimate(&self, ahead_s: f64) -> Option<ModeState> {
-        let (_, mixture) = self.latest.as_ref()?;
-        if ahead_s <= 0.0 {
+    /// The state at a time in seconds, the latest or later; `None` before [`begin`](Self::begin) or the first measured position.
+    ///
+    /// After the latest measurement the target is taken to go on in the same way. What may hit it meanwhile makes its velocity less certain, and does not change it.
+    pub fn estimate(&self, time_s: f64) -> Option<ModeState> {
+        let (latest_s, mixture) = self.latest.as_ref()?;
+        let dt_s = time_s - latest_s;
+        if dt_s <= 0.0 {
             return Some(mixture.state());
         }
-        Some(mixture.next(None, ahead_s, &self.settings).0.state())
+        // The second moments of hits at random times.
+        let of_hits_m2ps3 = self.settings.hit_rate_hz * self.settings.hit_sigma_mps.powi(2);
+        let mut ahead = *mixture;
+        for (mode, state) in ahead.modes.iter_mut().enumerate() {
+            let mut way = *self.settings.ways.get(mode).unwrap_or(&AFTER_A_HIT);
+            way.density_m2ps3 += of_hits_m2ps3;
+            *state = state.moved(&way, self.settings.free_axes(), dt_s);
+        }
+        Some(ahead.state())
     }
 }
+
+/// How a target is taken to go on that has just been hit, until it is seen: as one that somebody moves.
+const AFTER_A_HIT: Way = Way {
+    acceleration_mps2: [0.0; 3],
+    density_m2ps3: 5.0,
+    leave_hz: 0.0,
+    share: 0.0,
+};
 
 #[cfg(test)]
 mod tests;

@@ -7,7 +7,7 @@ use nalgebra::{Matrix6, SMatrix, SVector, Vector3};
 
 use crate::modes::{
     Gaussian, LEAST_STEP_S, MODES, Measured, Mixture, ModeSettings, ModeState, NO_WEIGHT,
-    Transition, merged, normalised, transition_of,
+    Transition, merged, normalized, transition_of,
 };
 
 impl Gaussian {
@@ -52,7 +52,7 @@ impl Mixture {
                 };
                 logs[from] = predicted.log_agreement(after);
             }
-            let before = normalised(&logs, &transition.chances.column(to).into_owned());
+            let before = normalized(&logs, &transition.chances.column(to).into_owned());
             joint.set_column(to, &(before * later.weights[to]));
         }
         let weights: SVector<f64, MODES> = joint.column_sum();

@@ -59,7 +59,7 @@ pub(super) fn read_existence(
         );
         settings.velocity_jump_sigma_mps = rate(
             "velocity_jump_sigma_mps",
-            "Standard deviation of the change of velocity in a jump, on each axis.",
+            "Standard deviation of the change of velocity in a jump, on each axis. Reported velocities expect three quarters of it.",
             default.velocity_jump_sigma_mps,
         );
         settings.motion_modes = existence

@@ -71,7 +71,7 @@ fn one_mode_gives_what_least_squares_over_all_states_gives() {
             mean: Vector6::zeros(),
             covariance: Matrix6::zeros(),
         };
-        let process = state.moved(&settings.ways[0], dt_s).covariance;
+        let process = state.moved(&settings.ways[0], 3, dt_s).covariance;
         let weight = process.try_inverse().unwrap();
         let step = transition_of(dt_s);
         let (a, b) = (6 * number, 6 * number + 6);

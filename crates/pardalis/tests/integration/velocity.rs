@@ -123,3 +123,48 @@ fn a_velocity_that_is_known_at_the_start_is_not_forgotten() {
     };
     assert!(known < 0.02, "{known}");
 }
+
+/// The velocities of all frames that have an estimate, of a ball that is at these places, or out of sight.
+fn velocities(place_m: impl Fn(u16) -> Option<Vector3<f64>>) -> Vec<(u16, Vector3<f64>)> {
+    let mut setup = Tracker::builder();
+    let camera = setup.camera(views()[0].clone());
+    let target = setup.target(ball(true));
+    let mut tracker = setup.build().unwrap();
+    let out_of_sight_m = Vector3::new(0.0, -9.0, 9.0);
+    let mut found = Vec::new();
+    for frame in 0..FRAMES {
+        let shown_m = place_m(frame).unwrap_or(out_of_sight_m);
+        let frames = FrameSet::new([(camera, image(shown_m, frame))]).unwrap();
+        tracker.observe(&frames).unwrap();
+        if let Some(known) = tracker.estimate(target).unwrap().kinematics {
+            found.push((frame, known.velocity_mps.unwrap().into()));
+        }
+    }
+    found
+}
+
+#[test]
+fn a_ball_that_rests_does_not_fall_while_it_is_hidden() {
+    let hidden = |frame: u16| (frame < 30).then_some(Vector3::zeros());
+    let hidden: Vec<_> = velocities(hidden)
+        .into_iter()
+        .filter(|(frame, _)| *frame >= 30)
+        .collect();
+    assert!(hidden.len() > 3, "{hidden:?}");
+    for (frame, velocity_mps) in hidden {
+        assert!(velocity_mps.norm() < 0.1, "{frame}: {velocity_mps}");
+    }
+}
+
+#[test]
+fn a_ball_that_is_put_elsewhere_rests_again_after_three_frames() {
+    let moved = |frame: u16| {
+        let there = if frame < 25 { 0.0 } else { 1.0 };
+        Some(there * Vector3::new(0.3, 0.2, 0.1))
+    };
+    let moved = velocities(moved);
+    assert_eq!(moved.last().unwrap().0, FRAMES - 1);
+    for (frame, velocity_mps) in moved.into_iter().filter(|(frame, _)| *frame >= 28) {
+        assert!(velocity_mps.norm() < 0.5, "{frame}: {velocity_mps}");
+    }
+}

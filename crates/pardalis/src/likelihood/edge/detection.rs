@@ -41,6 +41,9 @@ pub(crate) struct Detection {
     candidate: usize,
 }
 
+/// In place of the mean colour in a camera that did not see the body when it was judged.
+pub(super) const NO_COLOR: [f32; 3] = [-1.0; 3];
+
 impl Detection {
     /// Its position in the world, metres.
     pub(crate) fn position_m(&self) -> [f64; 3] {
@@ -215,7 +218,8 @@ impl Detection {
     /// The mean Y, U and V within its outline, for each camera that sees it.
     pub(crate) fn body_colors(&self) -> impl Iterator<Item = (usize, [f32; 3])> {
         let lines = self.lines().iter();
-        lines.map(|lines| (lines.camera, self.body_colors[lines.camera]))
+        let colors = lines.map(|lines| (lines.camera, self.body_colors[lines.camera]));
+        colors.filter(|(_, color)| *color != NO_COLOR)
     }
 
     /// The same for one camera; `None` if that does not see it unoccluded.
@@ -225,7 +229,8 @@ impl Detection {
         tuning: &AdaptationTuning,
     ) -> Option<[f32; 3]> {
         let lines = self.lines_of(camera).next()?;
-        (lines.visible_share >= tuning.unoccluded_share).then_some(self.body_colors[camera])
+        let color = Some(self.body_colors[camera]).filter(|color| *color != NO_COLOR);
+        color.filter(|_| lines.visible_share >= tuning.unoccluded_share)
     }
 
     /// Updates what surrounds the target in a camera's image: slowly, and not in sectors into which something else has come.
@@ -302,7 +307,7 @@ impl Detections {
         let detection = |_| Detection {
             lines: lines(),
             offsets: vec![Offset::default(); cameras],
-            body_colors: vec![[0.0; 3]; cameras],
+            body_colors: vec![NO_COLOR; cameras],
             ..Detection::default()
         };
         Self {

@@ -169,7 +169,7 @@ impl EdgeCue {
         Ok(())
     }
 
-    /// Judges the outline at the detection's position, for which the lines were placed.
+    /// Judges the outline at the detection's position, for which the lines were placed, and notes the mean colours within it.
     pub(super) fn judge(&mut self, frames: &[EdgeFrame], detection: &mut Detection) {
         let (position, stance) = (
             detection.position_m.map(|v| [v as f32; LANES]),

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector4};
 
-use super::detection::Detection;
+use super::detection::{Detection, NO_COLOR};
 use super::frame::EdgeFrame;
 use super::offset::Offset;
 
@@ -10,6 +10,7 @@ impl Detection {
     /// Forgets the offsets. The priors are those of the frames' cameras.
     pub(super) fn reset_offsets(&mut self, frames: &[EdgeFrame]) {
         self.offsets.fill(Offset::default());
+        self.body_colors.fill(NO_COLOR);
         for frame in frames {
             self.make_room(frame.camera());
             self.offsets[frame.camera()] = Offset::with_sigma(frame.context().offset_sigma_px);
@@ -20,7 +21,7 @@ impl Detection {
     pub(super) fn make_room(&mut self, camera: usize) {
         if self.offsets.len() <= camera {
             self.offsets.resize(camera + 1, Offset::default());
-            self.body_colors.resize(camera + 1, [0.0; 3]);
+            self.body_colors.resize(camera + 1, NO_COLOR);
         }
     }
 

@@ -13,8 +13,7 @@ use crate::tracker::CameraId;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tuning::{DetectionTuning, HeadingTuning, Tuning};
 use pardalis_core::simd::Level;
-use pardalis_filter::estimate::StateEstimate;
-use pardalis_filter::estimate::covariance_matrix;
+use pardalis_filter::estimate::{StateEstimate, covariance_matrix};
 
 /// Finds detections. Owns their buffers.
 pub(super) struct Detector {

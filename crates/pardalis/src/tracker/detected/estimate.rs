@@ -46,7 +46,7 @@ impl DetectedTarget {
         }
         if let Some(known) = &mut kinematics {
             self.add_shared(&mut known.covariance_m2);
-            self.set_velocity(known, ahead_s);
+            self.set_velocity(known, self.time_s + ahead_s);
         }
         let size = self.size.known();
         let heading = self.heading.filter(|_| is_known);

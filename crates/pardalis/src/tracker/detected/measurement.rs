@@ -5,8 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::DetectedTarget;
 use crate::tracker::BodyMeasurement;
 use pardalis_filter::bernoulli::MeasurementComponent;
-use pardalis_filter::estimate::StateEstimate;
-use pardalis_filter::estimate::covariance_matrix;
+use pardalis_filter::estimate::{StateEstimate, covariance_matrix};
 
 /// Neighbouring frames share this part of the variance of a detection: of its edges and its background. Hand-set, from the errors of smoothed tracks.
 const SHARED_SHARE: f64 = 0.25;

@@ -112,6 +112,8 @@ pub(super) struct DetectedTarget {
     /// What was examined in the latest frames.
     candidates: Vec<Candidate>,
     buffers: Buffers,
+    /// The time of the latest frames, seconds.
+    time_s: f64,
     /// The time from the frames before to the latest, seconds.
     since_s: f64,
     /// The running mean of the clutter in a search of whole images.
@@ -221,6 +223,7 @@ impl DetectedTarget {
             measured_m: None,
             outline: Outline::default(),
             sights: Sights::new(views.len()),
+            time_s: 0.0,
             since_s: 0.0,
             clutter_seen: 0.0,
             member: None,
@@ -282,14 +285,14 @@ impl DetectedTarget {
 
     /// Predicts to the time of the next frames, or starts.
     pub(super) fn predict(&mut self, time_s: f64, dt_s: f64) {
-        self.since_s = dt_s;
+        (self.time_s, self.since_s) = (time_s, dt_s);
         if let Some(heading) = &mut self.heading {
             heading.predict(dt_s, &self.tuning.heading);
         }
-        if let Some((start, since_s)) = self.track.take_reinitialization() {
+        if let Some((start, start_s)) = self.track.take_reinitialization() {
             self.begin(&start, 1.0);
-            self.begin_velocity(since_s, &start);
-            self.advance(time_s, (time_s - since_s).max(0.0));
+            self.begin_velocity(start_s, &start);
+            self.advance(time_s, (time_s - start_s).max(0.0));
         } else if self.track.has_started() {
             self.advance(time_s, dt_s);
         } else if let Some(start) = self.start {
@@ -330,7 +333,7 @@ impl DetectedTarget {
         let mut candidates = std::mem::take(&mut self.candidates);
         let mut frames = emptied(std::mem::take(&mut self.buffers.frames));
         let colors = (self.edge.palette(), self.edge.ranges());
-        let known = self.certain_motion();
+        let known = self.certain_motion(time_s);
         let skews_s = instant
             .frames
             .iter()
@@ -408,8 +411,9 @@ impl DetectedTarget {
             }
         }
         let found = target.map(|target| target.detection);
+        let was_known = self.track.is_known();
         self.decide(is_found, time_s);
-        self.follow_velocity(time_s, skew_s);
+        self.follow_velocity(time_s, was_known, skew_s);
         if let Some(found) = found {
             self.turn_to(found);
         }
@@ -439,13 +443,13 @@ impl DetectedTarget {
         self.estimate(0.0)
     }
 
-    /// The predicted position (metres) and velocity (m/s) of a target that is known.
-    fn certain_motion(&self) -> Option<([f64; 3], [f64; 3])> {
+    /// The position (metres) and velocity (m/s) that are predicted for a time in seconds, of a target that is known.
+    fn certain_motion(&self, time_s: f64) -> Option<([f64; 3], [f64; 3])> {
         let mut known = self
             .filter
             .estimate(0.0)
             .filter(|_| self.track.is_known())?;
-        self.set_velocity(&mut known, self.since_s);
+        self.set_velocity(&mut known, time_s);
         Some((known.position_m, known.velocity_mps?))
     }
 

@@ -12,8 +12,7 @@ use super::detection::{Outline, Prediction};
 use super::measurement::measured_m;
 use crate::likelihood::edge::{Detection, Widening};
 use pardalis_filter::bernoulli::MeasurementComponent;
-use pardalis_filter::estimate::StateEstimate;
-use pardalis_filter::estimate::covariance_matrix;
+use pardalis_filter::estimate::{StateEstimate, covariance_matrix};
 
 /// For how long the prediction of the distance is better than what a camera alone sees, seconds. Hand-set: a thrown ball is predicted to a few millimetres for as long.
 const RECENT_S: f64 = 0.2;
