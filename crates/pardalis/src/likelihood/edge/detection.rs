@@ -215,6 +215,12 @@ impl Detection {
         Some(f64::from(lines.visible_share))
     }
 
+    /// The mean Y, U and V of its rim, for each camera that sees it: that of the finest octave in which it was fitted.
+    pub(crate) fn rim_colors(&self) -> impl Iterator<Item = (usize, [f32; 3])> {
+        let lines = self.lines().iter();
+        lines.map(|lines| (lines.camera, lines.body_color))
+    }
+
     /// The mean Y, U and V within its outline, for each camera that sees it.
     pub(crate) fn body_colors(&self) -> impl Iterator<Item = (usize, [f32; 3])> {
         let lines = self.lines().iter();

@@ -289,7 +289,11 @@ impl DetectedTarget {
         let Some(known) = self.colors.body().filter(|_| uses_color) else {
             return 0.0;
         };
-        let of_cameras = detection.body_colors().map(|(camera, color)| {
+        // Members of a crowd are before one another. The rim tells outlines that reach over another from those that do not.
+        let is_member = self.member.is_some();
+        let of_bodies = detection.body_colors().filter(|_| !is_member);
+        let of_rims = detection.rim_colors().filter(|_| is_member);
+        let of_cameras = of_bodies.chain(of_rims).map(|(camera, color)| {
             let correction = self.adaptations[camera].correction(PixelKind::FULL_RANGE_YUV);
             known.log_ratio(correction.color(color))
         });
