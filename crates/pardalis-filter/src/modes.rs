@@ -1,8 +1,8 @@
-//! How a target moves. A *mode* is a way to move, or a hit: a target rolls or rests, somebody moves it, or it flies freely, until something hits it.
+//! Motion modes: a target rolls or rests, somebody moves it, it flies freely, or something hits it.
 //!
-//! A mixture of Kalman filters finds out from measured positions in which mode a target moves, and how fast. Each step has a mode. Two modes in succession
-//! are one hypothesis, and those that end in the same mode are merged (generalised pseudo-Bayes estimator of second order, Bar-Shalom, Li and Kirubarajan 2001, section 11.6.5). What
-//! moves evenly thus has a velocity that is far better known than one that allows for any acceleration. [`ModeFilter`] goes frame by frame; the [smoother](crate::smoother)
+//! A mixture of Kalman filters estimates the mode of each step and the velocity from measured positions. Two modes in succession
+//! are one hypothesis, and those that end in the same mode are merged (generalised pseudo-Bayes estimator of second order, Bar-Shalom, Li and Kirubarajan 2001, section 11.6.5).
+//! While the velocity hardly changes, it is thus known far better than by a model that allows for any acceleration. [`ModeFilter`] goes frame by frame; the [smoother](crate::smoother)
 //! looks back over a recording.
 
 use nalgebra::{Matrix3, Matrix6, Matrix6x3, SMatrix, SVector, Vector3, Vector6};
@@ -135,7 +135,7 @@ pub struct Measured {
     pub position: Option<([f64; 3], [f64; 6])>,
 }
 
-/// What is known of a state.
+/// The estimated position and velocity at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ModeState {
     /// Position in metres.

@@ -1,4 +1,4 @@
-//! What is known of a detected body, and how certain that is.
+//! The estimate of a detected body: position, velocity and heading with their uncertainties, and the confidence.
 
 use super::DetectedTarget;
 use crate::tracker::{Estimate, RadiusEstimate};

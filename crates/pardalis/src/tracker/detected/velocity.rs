@@ -1,7 +1,7 @@
-//! How fast the target moves, as the way in which it moves says.
+//! The reported velocity of a detected target.
 //!
-//! The particles must allow for a kick at any moment, and their velocities are as uncertain as that. A mixture of modes over the same detections tells what rolls or rests from what
-//! is hit. It says where a target was at the times of rolling shutters and of the other frames of a set; nothing else of tracking depends on it.
+//! The particles allow for a kick at any moment, which makes their velocities noisy. A [`ModeFilter`] over the same detections finds out whether the target rolls, is moved, flies or was
+//! hit, and estimates its velocity from that. Tracking uses it only to predict where rolling shutters and the other frames of a set show the target.
 
 use super::DetectedTarget;
 use crate::tracker::TrackState;
