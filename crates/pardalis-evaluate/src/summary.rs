@@ -1,6 +1,7 @@
 //! Error statistics of one track.
 
-use nalgebra::{Cholesky, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Cholesky, Matrix2, SMatrix, SVector, Vector2, Vector3};
+use pardalis::filter::estimate::covariance_matrix;
 use serde::Serialize;
 
 use super::bootstrap::mean_band_99;
@@ -216,15 +217,16 @@ struct Nees {
 
 impl Nees {
     /// Computes the error; `None` if the covariance is not positive definite.
-    fn of([x, y, z]: [f64; 3], [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Option<Self> {
-        if zz == 0.0 {
+    fn of([x, y, z]: [f64; 3], entries: [f64; 6]) -> Option<Self> {
+        let covariance = covariance_matrix(entries);
+        if covariance[(2, 2)] == 0.0 {
+            let on_plane: Matrix2<f64> = covariance.fixed_view::<2, 2>(0, 0).into();
             Some(Self {
-                value: nees(Vector2::new(x, y), Matrix2::new(xx, xy, xy, yy))?,
+                value: nees(Vector2::new(x, y), on_plane)?,
                 dimensions: 2.0,
                 bound_95: CHI_SQUARE_95_2_DOF,
             })
         } else {
-            let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
             Some(Self {
                 value: nees(Vector3::new(x, y, z), covariance)?,
                 dimensions: 3.0,

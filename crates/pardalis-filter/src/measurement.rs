@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, RowVector3, Vector3};
 
+use crate::estimate::covariance_matrix;
 use crate::gaussian::MAX_START;
 use pardalis_core::Error;
 
@@ -308,7 +309,7 @@ impl Measurement {
 impl Coordinates {
     fn new(
         values: [Option<f64>; 3],
-        [xx, xy, xz, yy, yz, zz]: [f64; 6],
+        entries: [f64; 6],
         [name, unit]: [&str; 2],
     ) -> Result<Self, Error> {
         if values == [None; 3] {
@@ -320,7 +321,7 @@ impl Coordinates {
         let numbers = checked(name, values.map(Option::unwrap_or_default))?;
         let measured = Vector3::from(values.map(|value| f64::from(value.is_some())));
         let measured = Matrix3::from_diagonal(&measured);
-        let given = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let given = covariance_matrix(entries);
         // What is not measured may be anything, NaN included.
         let covariance = Matrix3::from_fn(|row, column| {
             if values[row].is_some() && values[column].is_some() {
@@ -338,7 +339,7 @@ impl Coordinates {
             Matrix3::from_diagonal(&diagonal.map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt()));
         let correlation = scale * covariance * scale;
         if !is_in_range || !(correlation.symmetric_eigenvalues().min() > 1e-9) {
-            let value = format!("{:?}", [xx, xy, xz, yy, yz, zz]);
+            let value = format!("{entries:?}");
             let allowed = format!(
                 "[xx, xy, xz, yy, yz, zz] of a positive definite matrix with variances of 1e-12 to 1e12 {unit}"
             );

@@ -1,8 +1,8 @@
 //! What the node publishes.
 
 use anyhow::Result;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use pardalis::filter::estimate::StateEstimate;
+use nalgebra::{UnitQuaternion, Vector3};
+use pardalis::filter::estimate::{StateEstimate, covariance_matrix};
 use pardalis::shape::Shape;
 use pardalis::tracker::TrackState;
 use pardalis::{Estimate, TargetId, Tracker};
@@ -282,10 +282,9 @@ fn twist(known: Option<&StateEstimate>, heading_rad: Option<f64>) -> TwistWithCo
         row[axis] = UNKNOWN;
     }
     let stated = known.and_then(|known| known.velocity_covariance_m2ps2);
-    if let Some([xx, xy, xz, yy, yz, zz]) = stated {
+    if let Some(entries) = stated {
         let turn = own_from_world.matrix();
-        let in_world = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-        let own = turn * in_world * turn.transpose();
+        let own = turn * covariance_matrix(entries) * turn.transpose();
         for (row, values) in covariance.iter_mut().take(3).enumerate() {
             for (column, value) in values.iter_mut().take(3).enumerate() {
                 *value = own[(row, column)];

@@ -12,10 +12,11 @@
 mod common;
 
 use common::{FPS, data, detected_ball, fisheye_view, frame, open, set_of};
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use pardalis::camera::{Pinhole, Pose};
 use pardalis::color::{ColorLearner, Palette, YuvEncoding};
 use pardalis::filter::bernoulli::ParticleRange;
+use pardalis::filter::estimate::covariance_matrix;
 use pardalis::tracker::{DetectedSettings, TrackState};
 use pardalis::tuning::Tuning;
 use pardalis::{Estimate, FrameSet, PixelFormat, TargetId, Tracker, View};
@@ -203,9 +204,7 @@ fn position_scores(
             return;
         };
         let off = Vector3::from(known.position_m) - truth_m;
-        let [xx, xy, xz, yy, yz, zz] = known.covariance_m2;
-        let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-        let squared = covariance
+        let squared = covariance_matrix(known.covariance_m2)
             .try_inverse()
             .map(|inverse| (off.transpose() * inverse * off)[0]);
         squares += off.norm_squared();

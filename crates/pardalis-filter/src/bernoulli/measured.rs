@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 
 use super::{BernoulliFilter, Hypothesis, write};
+use crate::estimate::covariance_matrix;
 use crate::gaussian::GaussianStart;
 use crate::measurement::Measurement;
 use crate::resample;
@@ -199,7 +200,7 @@ impl BernoulliFilter {
         &self,
         before: &Moments,
         (measurement, ago_s): (&Measurement, f64),
-        [xx, xy, xz, yy, yz, zz]: &[f64; 6],
+        shared_m2: &[f64; 6],
         free: &Matrix3<f64>,
     ) -> Option<Moments> {
         let velocity_mps = before.velocity_mps();
@@ -217,7 +218,7 @@ impl BernoulliFilter {
         let moved_m2 = self.kinematics.variance_m2(0.0, ago_s);
         let noise = measurement.noise() + bends + moved_m2 * by_position * by_position.transpose();
         let expected: Matrix3<f64> = by * before.covariance * by.transpose() + noise;
-        let shared = Matrix3::new(*xx, *xy, *xz, *xy, *yy, *yz, *xz, *yz, *zz);
+        let shared = covariance_matrix(*shared_m2);
         let allowed = expected + by_position * shared * by_position.transpose();
         let gate = GATES[measurement.dimensions().clamp(1, GATES.len()) - 1];
         let squared = off.dot(&allowed.cholesky()?.solve(&off));
