@@ -8,6 +8,7 @@ mod contradictions;
 mod crowd;
 mod determinism;
 mod frame_sets;
+mod hidden;
 mod kernels;
 mod known;
 mod locate;

@@ -302,7 +302,25 @@ impl DetectedTarget {
 
     /// The density of clutter, 1/m³ (1/m² on the ground).
     fn clutter_density(&self) -> f64 {
-        (self.tuning.association.clutter_per_frame + self.clutter_seen) * self.birth_density
+        self.clutter() * self.birth_density
+    }
+
+    /// The number of things of clutter per frame.
+    fn clutter(&self) -> f64 {
+        self.tuning.association.clutter_per_frame + self.clutter_seen
+    }
+
+    /// By how much the latest frames say, at most, that what is seen where the target is tracked is the target, in nats: rather than one of the things of clutter, while
+    /// the target is occluded. Without a detection there, the likeliest of all counts.
+    pub(super) fn seen_nats(
+        &self,
+        associated: &[AssociatedDetection],
+        target: Option<&AssociatedDetection>,
+    ) -> f64 {
+        let all = associated.iter().map(|found| found.likeness);
+        let likeliest = all.fold(f64::NEG_INFINITY, f64::max);
+        let likeness = target.map_or(likeliest, |target| target.likeness);
+        likeness - libm::log(self.clutter()) + self.tuning.association.coincidence_nats
     }
 
     /// Updates how much clutter is seen with the detections of a search, given which of them is the target. Without one, one of them may be the target.

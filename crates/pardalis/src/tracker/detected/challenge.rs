@@ -14,6 +14,9 @@ const MIN_FRAMES: f64 = 8.0;
 /// The same for one that moves, while what is tracked has been still. Hand-set: scenery is still, targets rarely are for long.
 const MOVING_MARGIN_NATS: f64 = 0.5;
 const MOVING_MIN_FRAMES: f64 = 4.0;
+/// The sum over frames of its excess likeness with which a challenger wins while the target is not visible where it is tracked, nats. Derivation: a target is relocated once in
+/// fifty seconds, to anywhere in a volume that is ten thousand times as large as where it is tracked.
+const HIDDEN_NATS: f64 = 20.0;
 /// By how much each further camera that shows something makes it likelier the target, nats. Hand-set: what looks like the target from one side rarely does from another,
 /// at the right distance.
 const CAMERA_NATS: f64 = 2.0;
@@ -124,20 +127,20 @@ impl Challenge {
         self.challenger.is_some()
     }
 
-    /// Notes what was seen of the target in the latest frames.
-    pub(super) fn note_target(&mut self, seen: &Sighting) {
+    /// Notes what was seen in the latest frames where the target is tracked. While it is not visible there, that says nothing of what was seen before.
+    pub(super) fn note_target(&mut self, seen: &Sighting, is_visible: bool) {
         match &mut self.target {
-            Some(record) => record.add(seen),
-            unknown => *unknown = Some(Record::of(seen)),
+            Some(record) if is_visible => record.add(seen),
+            record => *record = Some(Record::of(seen)),
         }
     }
 
-    /// Notes what else was seen in a search of the latest frames, by targets of this diameter in metres. Returns what has won the challenge.
+    /// Notes what else was seen in a search of the latest frames, by a target of this diameter in metres that is visible or not. Returns what has won the challenge.
     pub(super) fn note_others(
         &mut self,
         others: impl Iterator<Item = Sighting> + Clone,
         time_s: f64,
-        diameter_m: f64,
+        (diameter_m, is_visible): (f64, bool),
     ) -> Option<Winner> {
         let target = self.target?;
         let least = target.likeness + MOVING_MARGIN_NATS;
@@ -189,7 +192,10 @@ impl Challenge {
             (false, true) => return None,
             _ => (MARGIN_NATS, MIN_FRAMES),
         };
-        if record.likeness < target.likeness + margin_nats || record.frames < min_frames {
+        let excess_nats = record.likeness - target.likeness;
+        let is_clear = excess_nats >= margin_nats && record.frames >= min_frames;
+        let is_relocated = !is_visible && record.frames * excess_nats >= HIDDEN_NATS;
+        if !(is_clear || is_relocated) {
             return None;
         }
         let winner = Winner {
@@ -201,5 +207,42 @@ impl Challenge {
             challenger: None,
         };
         Some(winner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(likeness: f64, x_m: f64) -> Sighting {
+        Sighting {
+            number: 0,
+            position_m: Vector3::new(x_m, 0.0, 2.0),
+            sigma_m: 0.01,
+            likeness,
+        }
+    }
+
+    /// After how many frames something that is much likelier wins over what is tracked, after that was clearly seen for a second.
+    fn frames_to_win(is_visible: bool) -> usize {
+        let mut challenge = Challenge::default();
+        for _ in 0..25 {
+            challenge.note_target(&seen(6.0, 0.0), true);
+        }
+        let wins = |number: &usize| {
+            challenge.note_target(&seen(-6.0, 0.0), is_visible);
+            let others = [seen(8.0, 1.0)].into_iter();
+            let time_s = 0.04 * *number as f64;
+            challenge
+                .note_others(others, time_s, (0.2, is_visible))
+                .is_some()
+        };
+        (1..100).find(wins).unwrap()
+    }
+
+    #[test]
+    fn what_is_likelier_wins_sooner_over_a_target_that_is_not_visible() {
+        assert_eq!(frames_to_win(false), 2);
+        assert_eq!(frames_to_win(true), MIN_FRAMES as usize);
     }
 }

@@ -397,15 +397,16 @@ impl DetectedTarget {
         let number = self.at_estimate(&associated);
         let target = number.map(|number| &associated[number]);
         self.take(target, &predicted, time_s);
+        let seen_nats = self.seen_nats(&associated, target);
         let detections = self.detector.detections();
         for &(camera, _) in instant.frames {
             let detection = target.map(|target| &detections[target.detection]);
             let visible_share = detection.and_then(|found| found.visible_share_in(camera));
             if let Some(visibility) = &mut self.visibilities[camera] {
                 let seen = visibility.update(
-                    &self.log_ratios[camera],
-                    self.filter.weights(),
+                    (&self.log_ratios[camera], self.filter.weights()),
                     visible_share.unwrap_or(1.0),
+                    seen_nats as f32,
                 );
                 self.track.note_observation(camera, time_s, seen);
             }
@@ -552,8 +553,9 @@ impl DetectedTarget {
             let cameras = detections[found.detection].camera_count();
             Sighting::new(number, &found.component, (found.likeness, cameras))
         };
+        let is_visible = self.track.is_visible(time_s);
         if let Some(target) = target {
-            self.challenge.note_target(&sighting(target));
+            self.challenge.note_target(&sighting(target), is_visible);
         }
         let here = Vector3::from(self.filter.estimate(0.0)?.position_m);
         let diameter_m = self.diameter_m();
@@ -568,7 +570,9 @@ impl DetectedTarget {
         let Winner {
             number,
             velocity_mps,
-        } = self.challenge.note_others(others, time_s, diameter_m)?;
+        } = self
+            .challenge
+            .note_others(others, time_s, (diameter_m, is_visible))?;
         let component = associated[number].component;
         let start = GaussianStart {
             position_m: component.position_m,

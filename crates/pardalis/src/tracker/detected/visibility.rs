@@ -65,17 +65,19 @@ impl Visibility {
     }
 
     /// Updates with the log-likelihood ratios and weights of the particles. A partly occluded target, with this visible share of its outline, will probably be
-    /// occluded. Returns the probability that the target is visible and in view.
+    /// occluded. Returns the probability that the target is visible and in view, for which no log-likelihood ratio counts as more than `most`: what is seen there may be
+    /// something else. It excuses no frames that do not show the target, so that the chain counts it as visible.
     pub(in crate::tracker) fn update(
         &mut self,
-        log_ratios: &[f32],
-        weights: &[f64],
+        (log_ratios, weights): (&[f32], &[f64]),
         visible_share: f64,
+        most: f32,
     ) -> f64 {
         let of_particle = |(&log_ratio, &weight): (&f32, &f64)| {
-            let visible = weight * self.posterior(log_ratio);
             let in_view = log_ratio != OUT_OF_VIEW_LOG_RATIO;
-            [visible, if in_view { visible } else { 0.0 }]
+            let seen = weight * self.posterior(log_ratio.min(most));
+            let visible = weight * self.posterior(log_ratio);
+            [visible, if in_view { seen } else { 0.0 }]
         };
         let [visible, seen] = log_ratios
             .iter()
@@ -150,7 +152,16 @@ mod tests {
             let [visible_now, seen] = reference::updated_visibility(visible, &particles);
             let (log_ratios, weights) = ([3.0, -5.0, 0.0], [0.5, 0.3, 0.2]);
             let mut updated = at(visible);
-            let found = updated.update(&log_ratios, &weights, 0.8);
+            let found = updated.update((&log_ratios, &weights), 0.8, f32::INFINITY);
+            assert!((found - seen).abs() < 1e-12, "{found} {seen}");
+            assert!((updated.visible - 0.8 * visible_now).abs() < 1e-12);
+            let bounded = particles.map(|(weight, log_ratio, in_view)| {
+                let log_ratio: f64 = log_ratio;
+                (weight, log_ratio.min(-1.0), in_view)
+            });
+            let [_, seen] = reference::updated_visibility(visible, &bounded);
+            let mut updated = at(visible);
+            let found = updated.update((&log_ratios, &weights), 0.8, -1.0);
             assert!((found - seen).abs() < 1e-12, "{found} {seen}");
             assert!((updated.visible - 0.8 * visible_now).abs() < 1e-12);
         }
@@ -159,10 +170,10 @@ mod tests {
     #[test]
     fn particles_out_of_view_do_not_count_as_seen() {
         let mut visibility = at(0.5);
-        let seen = visibility.update(&[9.0, 0.0], &[0.5, 0.5], 1.0);
+        let seen = visibility.update((&[9.0, 0.0], &[0.5, 0.5]), 1.0, f32::INFINITY);
         assert!((seen - 0.5).abs() < 1e-3, "{seen}");
         assert!((visibility.visible - 0.75).abs() < 1e-3, "{visibility:?}");
-        visibility.update(&[9.0, 9.0], &[0.5, 0.5], 0.25);
+        visibility.update((&[9.0, 9.0], &[0.5, 0.5]), 0.25, f32::INFINITY);
         assert!((visibility.visible - 0.25).abs() < 1e-3, "{visibility:?}");
     }
 }
