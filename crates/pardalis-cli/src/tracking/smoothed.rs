@@ -9,7 +9,7 @@ use anyhow::Result;
 use pardalis::filter::estimate::StateEstimate;
 use pardalis::filter::modes::{Measured, ModeSettings};
 use pardalis::filter::smoother::{Contact, contacts, smooth};
-use pardalis::tracker::{BodyMeasurement, TrackState};
+use pardalis::tracker::BodyMeasurement;
 use pardalis::{Estimate, TargetId};
 use pardalis_scene::{Scene, TargetConfig};
 
@@ -178,7 +178,7 @@ impl Sink for SmoothedTracks {
             self.rows.entry(tracked.key()).or_default().push(Row {
                 instant: (instant.index, instant.time_s),
                 estimate,
-                measurement: measurement.filter(|_| estimate.state == TrackState::Tracking),
+                measurement: measurement.filter(|_| estimate.kinematics.is_some()),
             });
         }
         Ok(())

@@ -10,8 +10,8 @@ pub enum TrackState {
     /// Visible in at least one camera.
     Tracking,
     /// Not visible in the latest frame of any camera (occluded, out of view or masked): the estimate is predicted by
-    /// the motion model and what other sensors measure. Or so little of it is visible that it may be something else:
-    /// the estimate may follow that.
+    /// the motion model and what other sensors measure. Or what is seen there is as likely something else: the
+    /// estimate may follow that.
     Occluded,
     /// No longer tracked, because its position has become too uncertain or impossible: there is no estimate.
     Lost,

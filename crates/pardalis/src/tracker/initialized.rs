@@ -128,7 +128,8 @@ impl InitializedTarget {
             let background = self.cues.background_log_likelihood(camera);
             let is_visible = f64::from(best) > background + MIN_VISIBLE_NATS;
             let visible = if is_visible { 1.0 } else { 0.0 };
-            self.track.note_observation(camera, instant.time_s, visible);
+            self.track
+                .note_observation(camera, instant.time_s, [visible; 2]);
         }
         self.track.set_state(match update {
             Update::AllImpossible => TrackState::Lost,

@@ -27,6 +27,8 @@ struct Observation {
     time_s: f64,
     /// The probability that the body was visible.
     visible: f64,
+    /// The same, if what was seen where it is tracked was the body.
+    followed: f64,
 }
 
 /// The state common to detected and initialised bodies.
@@ -103,16 +105,34 @@ impl Track {
     }
 
     /// Records the probability that the body was visible in a camera's frame.
-    pub(super) fn note_observation(&mut self, camera: usize, time_s: f64, visible: f64) {
-        self.observations[camera] = Some(Observation { time_s, visible });
+    pub(super) fn note_observation(
+        &mut self,
+        camera: usize,
+        time_s: f64,
+        [visible, followed]: [f64; 2],
+    ) {
+        self.observations[camera] = Some(Observation {
+            time_s,
+            visible,
+            followed,
+        });
     }
 
     /// Reports whether the body is visible in a camera's recent observation.
     pub(super) fn is_visible(&self, time_s: f64) -> bool {
-        let is_visible = |observation: &Observation| {
-            observation.visible >= 0.5 && time_s - observation.time_s <= OBSERVATION_HOLDS_S
-        };
-        self.observations.iter().flatten().any(is_visible)
+        let mut recent = self.recent(time_s);
+        recent.any(|observation| observation.visible >= 0.5)
+    }
+
+    /// Reports whether the estimate follows what is seen in a camera's recent observation, though it may be something else.
+    pub(super) fn is_followed(&self, time_s: f64) -> bool {
+        let mut recent = self.recent(time_s);
+        recent.any(|observation| observation.followed >= 0.5)
+    }
+
+    fn recent(&self, time_s: f64) -> impl Iterator<Item = &Observation> {
+        let observations = self.observations.iter().flatten();
+        observations.filter(move |observation| time_s - observation.time_s <= OBSERVATION_HOLDS_S)
     }
 
     /// Reports whether the body was visible in a camera's latest observation.

@@ -63,9 +63,9 @@ impl BoxedTarget {
                 && let Some(visibility) = &mut self.visibilities[boxes.camera]
             {
                 let log_ratios = &self.log_ratios[boxes.camera];
-                let seen =
+                let [_, seen] =
                     visibility.update((log_ratios, self.filter.weights()), 1.0, f32::INFINITY);
-                self.track.note_observation(boxes.camera, time_s, seen);
+                self.track.note_observation(boxes.camera, time_s, [seen; 2]);
             }
         }
     }

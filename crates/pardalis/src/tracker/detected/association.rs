@@ -19,6 +19,8 @@ pub(super) struct AssociatedDetection {
     pub(super) component: MeasurementComponent,
     /// By how much it is likelier the target than one thing of clutter, wherever it is, in nats.
     pub(super) likeness: f64,
+    /// The same, if nothing else looks like the target.
+    alone: f64,
     /// The log-ratio by which it speaks for the target's existence, in nats.
     pub(super) existence_log_ratio: f64,
     /// What each camera adds to the edge cue's log-likelihood ratio at this detection, in nats, so that it compares with clutter.
@@ -198,6 +200,7 @@ impl DetectedTarget {
                 log_weight,
             },
             likeness: likeness - assigned,
+            alone: likeness,
             existence_log_ratio,
             log_ratio_offset: ((log_weight - log_volume - log_ratio) / cameras) as f32,
             widened: None,
@@ -310,17 +313,31 @@ impl DetectedTarget {
         self.tuning.association.clutter_per_frame + self.clutter_seen
     }
 
-    /// By how much the latest frames say, at most, that what is seen where the target is tracked is the target, in nats: rather than one of the things of clutter, while
-    /// the target is occluded. Without a detection there, the likeliest of all counts.
+    /// The most that the latest frames can say, in nats, for what is seen where the target is tracked being the target, and not one of the things of clutter before or beside it.
+    /// Without a detection there, the likeliest one counts. Infinite for a target that is yet to be found, which other tests decide, and for members of crowds, around which
+    /// everything looks like them.
     pub(super) fn seen_nats(
         &self,
         associated: &[AssociatedDetection],
-        target: Option<&AssociatedDetection>,
+        target: Option<usize>,
     ) -> f64 {
-        let all = associated.iter().map(|found| found.likeness);
-        let likeliest = all.fold(f64::NEG_INFINITY, f64::max);
-        let likeness = target.map_or(likeliest, |target| target.likeness);
-        likeness - libm::log(self.clutter()) + self.tuning.association.coincidence_nats
+        if !self.track.is_known() || self.member.is_some() {
+            return f64::INFINITY;
+        }
+        let detections = self.detector.detections();
+        // Each camera would have to see something else there.
+        let nats = |found: &AssociatedDetection| {
+            let cameras = detections[found.detection].camera_count() as f64;
+            found.alone + cameras * self.tuning.association.coincidence_nats
+        };
+        let likeliest = || {
+            associated
+                .iter()
+                .map(nats)
+                .fold(f64::NEG_INFINITY, f64::max)
+        };
+        let nats = target.map_or_else(likeliest, |number| nats(&associated[number]));
+        nats - libm::log(self.clutter())
     }
 
     /// Updates how much clutter is seen with the detections of a search, given which of them is the target. Without one, one of them may be the target.

@@ -14,9 +14,9 @@ const MIN_FRAMES: f64 = 8.0;
 /// The same for one that moves, while what is tracked has been still. Hand-set: scenery is still, targets rarely are for long.
 const MOVING_MARGIN_NATS: f64 = 0.5;
 const MOVING_MIN_FRAMES: f64 = 4.0;
-/// The sum over frames of its excess likeness with which a challenger wins while the target is not visible where it is tracked, nats. Derivation: a target is relocated once in
-/// fifty seconds, to anywhere in a volume that is ten thousand times as large as where it is tracked.
-const HIDDEN_NATS: f64 = 20.0;
+/// The sum over frames, since the target was last visible where it is tracked, of a challenger's likeness beyond that of what is seen there and beyond clutter: with this it wins,
+/// nats. Derivation: at 25 frames per second, a target is relocated in one of 1250 frames, to anywhere in a volume ten thousand times as large as where it is tracked.
+const HIDDEN_NATS: f64 = 16.0;
 /// By how much each further camera that shows something makes it likelier the target, nats. Hand-set: what looks like the target from one side rarely does from another,
 /// at the right distance.
 const CAMERA_NATS: f64 = 2.0;
@@ -98,12 +98,17 @@ struct Challenger {
     latest: Sighting,
     time_s: f64,
     velocity_mps: Vector3<f64>,
+    /// What speaks for it since the target was last visible, nats.
+    hidden_nats: f64,
 }
 
 /// What is tracked, and what challenges it.
 #[derive(Debug, Default)]
 pub(super) struct Challenge {
+    /// While it was visible.
     target: Option<Record>,
+    /// The likeness of what is seen where it is tracked while it is not visible, nats: minus infinity for nothing. `None` while it is.
+    hidden: Option<f64>,
     challenger: Option<Challenger>,
 }
 
@@ -127,23 +132,28 @@ impl Challenge {
         self.challenger.is_some()
     }
 
-    /// Notes what was seen in the latest frames where the target is tracked. While it is not visible there, that says nothing of what was seen before.
-    pub(super) fn note_target(&mut self, seen: &Sighting, is_visible: bool) {
-        match &mut self.target {
-            Some(record) if is_visible => record.add(seen),
-            record => *record = Some(Record::of(seen)),
+    /// Notes what was seen in the latest frames where the target is tracked, and whether it is visible there. Otherwise that says nothing of what was seen before.
+    pub(super) fn note_target(&mut self, seen: Option<&Sighting>, is_visible: bool) {
+        self.hidden = (!is_visible).then(|| seen.map_or(f64::NEG_INFINITY, |seen| seen.likeness));
+        if let Some(seen) = seen.filter(|_| is_visible) {
+            match &mut self.target {
+                Some(record) => record.add(seen),
+                unknown => *unknown = Some(Record::of(seen)),
+            }
         }
     }
 
-    /// Notes what else was seen in a search of the latest frames, by a target of this diameter in metres that is visible or not. Returns what has won the challenge.
+    /// Notes what else was seen in a search of the latest frames, by targets of this diameter in metres. Returns what has won the challenge.
     pub(super) fn note_others(
         &mut self,
         others: impl Iterator<Item = Sighting> + Clone,
         time_s: f64,
-        (diameter_m, is_visible): (f64, bool),
+        diameter_m: f64,
     ) -> Option<Winner> {
         let target = self.target?;
-        let least = target.likeness + MOVING_MARGIN_NATS;
+        // Nothing is gained by what is no likelier than clutter.
+        let hidden = self.hidden.map(|likeness| likeness.max(0.0));
+        let least = hidden.unwrap_or(target.likeness) + MOVING_MARGIN_NATS;
         let Some(challenger) = &mut self.challenger else {
             let likeliest = others.reduce(|a, b| if b.likeness > a.likeness { b } else { a });
             self.challenger =
@@ -154,6 +164,7 @@ impl Challenge {
                         latest: seen,
                         time_s,
                         velocity_mps: Vector3::zeros(),
+                        hidden_nats: hidden.map_or(0.0, |hidden| seen.likeness - hidden),
                     });
             return None;
         };
@@ -179,6 +190,9 @@ impl Challenge {
         };
         challenger.velocity_mps = (seen.position_m - challenger.latest.position_m) / since_s;
         challenger.record.add(&seen);
+        challenger.hidden_nats = hidden.map_or(0.0, |hidden| {
+            challenger.hidden_nats + seen.likeness - hidden
+        });
         challenger.latest = seen;
         challenger.time_s = time_s;
         let record = challenger.record;
@@ -187,15 +201,15 @@ impl Challenge {
             return None;
         }
         let moves = |record: &Record| record.way_m > MOVING_DIAMETERS * diameter_m;
-        let (margin_nats, min_frames) = match (moves(&record), moves(&target)) {
-            (true, false) => (MOVING_MARGIN_NATS, MOVING_MIN_FRAMES),
-            (false, true) => return None,
-            _ => (MARGIN_NATS, MIN_FRAMES),
-        };
         let excess_nats = record.likeness - target.likeness;
-        let is_clear = excess_nats >= margin_nats && record.frames >= min_frames;
-        let is_relocated = !is_visible && record.frames * excess_nats >= HIDDEN_NATS;
-        if !(is_clear || is_relocated) {
+        let is_clear = match (moves(&record), moves(&target)) {
+            (true, false) => {
+                excess_nats >= MOVING_MARGIN_NATS && record.frames >= MOVING_MIN_FRAMES
+            }
+            (false, true) => false,
+            _ => excess_nats >= MARGIN_NATS && record.frames >= MIN_FRAMES,
+        };
+        if !is_clear && challenger.hidden_nats < HIDDEN_NATS {
             return None;
         }
         let winner = Winner {
@@ -204,7 +218,7 @@ impl Challenge {
         };
         *self = Self {
             target: Some(record),
-            challenger: None,
+            ..Self::default()
         };
         Some(winner)
     }
@@ -223,26 +237,47 @@ mod tests {
         }
     }
 
-    /// After how many frames something that is much likelier wins over what is tracked, after that was clearly seen for a second.
-    fn frames_to_win(is_visible: bool) -> usize {
+    /// After how many frames something that stays where it is, of this likeness, wins over a target that was clearly seen for a second and moved, and then is seen with another likeness, or not at all,
+    /// and is visible or not.
+    fn frames_to_win(other: f64, target: Option<f64>, is_visible: bool) -> Option<usize> {
         let mut challenge = Challenge::default();
-        for _ in 0..25 {
-            challenge.note_target(&seen(6.0, 0.0), true);
+        for number in 0..25 {
+            let x_m = -0.05 * f64::from(number);
+            challenge.note_target(Some(&seen(6.0, x_m)), true);
         }
         let wins = |number: &usize| {
-            challenge.note_target(&seen(-6.0, 0.0), is_visible);
-            let others = [seen(8.0, 1.0)].into_iter();
+            let target = target.map(|likeness| seen(likeness, -1.2));
+            challenge.note_target(target.as_ref(), is_visible);
+            let others = [seen(other, 1.0)].into_iter();
             let time_s = 0.04 * *number as f64;
-            challenge
-                .note_others(others, time_s, (0.2, is_visible))
-                .is_some()
+            challenge.note_others(others, time_s, 0.2).is_some()
         };
-        (1..100).find(wins).unwrap()
+        (1..100).find(wins)
     }
 
     #[test]
-    fn what_is_likelier_wins_sooner_over_a_target_that_is_not_visible() {
-        assert_eq!(frames_to_win(false), 2);
-        assert_eq!(frames_to_win(true), MIN_FRAMES as usize);
+    fn what_is_likelier_than_clutter_wins_over_a_target_that_is_not_visible() {
+        assert_eq!(frames_to_win(8.0, Some(-6.0), false), Some(2));
+        assert_eq!(frames_to_win(8.0, None, false), Some(2));
+        assert_eq!(frames_to_win(4.0, Some(-6.0), false), Some(4));
+        // It is no more likely than what is tracked, or hardly likelier than clutter.
+        assert_eq!(frames_to_win(4.0, Some(4.0), false), None);
+        assert_eq!(frames_to_win(0.3, Some(-6.0), false), None);
+        // What is still does not win over what moves and is visible.
+        assert_eq!(frames_to_win(8.0, Some(-6.0), true), None);
+    }
+
+    #[test]
+    fn one_frame_without_the_target_does_not_decide() {
+        let mut challenge = Challenge::default();
+        for number in 0..60 {
+            // It is hidden once. The other is as likely, and would have been for long.
+            let is_hidden = number == 40;
+            let target = seen(8.0, 0.0);
+            challenge.note_target((!is_hidden).then_some(&target), !is_hidden);
+            let others = [seen(8.6, 1.0)].into_iter();
+            let winner = challenge.note_others(others, 0.04 * f64::from(number), 0.2);
+            assert!(winner.is_none(), "{number}");
+        }
     }
 }

@@ -26,9 +26,10 @@ pub(super) fn measured_m(
 }
 
 impl DetectedTarget {
-    /// What the latest frames say of the target by themselves; `None` if it was not detected.
+    /// What the latest frames say of the target by themselves; `None` if it was not detected, or the estimate does not follow the detection.
     pub(in crate::tracker) fn measurement(&self) -> Option<BodyMeasurement> {
-        let detected = self.detected.as_ref()?;
+        let is_followed = self.track.is_followed(self.time_s);
+        let detected = self.detected.as_ref().filter(|_| is_followed)?;
         let mut covariance_m2 = detected.covariance_m2;
         let mut shared_m2 = covariance_m2.map(|v| SHARED_SHARE * v);
         self.add_shared(&mut shared_m2);

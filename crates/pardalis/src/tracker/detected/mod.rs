@@ -397,7 +397,7 @@ impl DetectedTarget {
         let number = self.at_estimate(&associated);
         let target = number.map(|number| &associated[number]);
         self.take(target, &predicted, time_s);
-        let seen_nats = self.seen_nats(&associated, target);
+        let seen_nats = self.seen_nats(&associated, number);
         let detections = self.detector.detections();
         for &(camera, _) in instant.frames {
             let detection = target.map(|target| &detections[target.detection]);
@@ -554,9 +554,8 @@ impl DetectedTarget {
             Sighting::new(number, &found.component, (found.likeness, cameras))
         };
         let is_visible = self.track.is_visible(time_s);
-        if let Some(target) = target {
-            self.challenge.note_target(&sighting(target), is_visible);
-        }
+        let of_target = target.map(sighting);
+        self.challenge.note_target(of_target.as_ref(), is_visible);
         let here = Vector3::from(self.filter.estimate(0.0)?.position_m);
         let diameter_m = self.diameter_m();
         let is_other = |seen: &Sighting| (seen.position_m - here).norm() > diameter_m;
@@ -570,9 +569,7 @@ impl DetectedTarget {
         let Winner {
             number,
             velocity_mps,
-        } = self
-            .challenge
-            .note_others(others, time_s, (diameter_m, is_visible))?;
+        } = self.challenge.note_others(others, time_s, diameter_m)?;
         let component = associated[number].component;
         let start = GaussianStart {
             position_m: component.position_m,

@@ -4,7 +4,6 @@
 //! hit, and estimates its velocity from that. Tracking uses it only to predict where rolling shutters and the other frames of a set show the target.
 
 use super::DetectedTarget;
-use crate::tracker::TrackState;
 use crate::tracker::existence::ExistenceSettings;
 use nalgebra::{Matrix3, Vector3};
 use pardalis_filter::estimate::{StateEstimate, covariance_matrix};
@@ -49,12 +48,12 @@ impl DetectedTarget {
         }
         let measurement = self.measurement();
         let particles = self.filter.estimate(0.0);
-        let state = self.track.state();
         let Some(modes) = &mut self.modes else { return };
         if was_known && !self.track.is_known() {
             modes.reset();
         }
-        let Some(mut measurement) = measurement.filter(|_| state == TrackState::Tracking) else {
+        let is_known = self.track.is_known();
+        let Some(mut measurement) = measurement.filter(|_| is_known) else {
             return;
         };
         let off_m = skew_s * self.tuning.existence.birth_velocity_sigma_mps;

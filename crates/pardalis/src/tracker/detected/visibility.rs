@@ -65,27 +65,32 @@ impl Visibility {
     }
 
     /// Updates with the log-likelihood ratios and weights of the particles. A partly occluded target, with this visible share of its outline, will probably be
-    /// occluded. Returns the probability that the target is visible and in view, for which no log-likelihood ratio counts as more than `most`: what is seen there may be
-    /// something else. It excuses no frames that do not show the target, so that the chain counts it as visible.
+    /// occluded. Returns the probability that the target is visible and in view; first if no log-likelihood ratio counts as more than `most`, because what is seen there may be
+    /// something else. The chain itself is not bounded: otherwise frames without the target would be excused as occlusion.
     pub(in crate::tracker) fn update(
         &mut self,
         (log_ratios, weights): (&[f32], &[f64]),
         visible_share: f64,
         most: f32,
-    ) -> f64 {
+    ) -> [f64; 2] {
         let of_particle = |(&log_ratio, &weight): (&f32, &f64)| {
-            let in_view = log_ratio != OUT_OF_VIEW_LOG_RATIO;
-            let seen = weight * self.posterior(log_ratio.min(most));
+            let bounded = weight * self.posterior(log_ratio.min(most));
             let visible = weight * self.posterior(log_ratio);
-            [visible, if in_view { seen } else { 0.0 }]
+            if log_ratio == OUT_OF_VIEW_LOG_RATIO {
+                [visible, 0.0, 0.0]
+            } else {
+                [visible, bounded, visible]
+            }
         };
-        let [visible, seen] = log_ratios
+        let [visible, bounded, seen] = log_ratios
             .iter()
             .zip(weights)
             .map(of_particle)
-            .fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+            .fold([0.0; 3], |sums, of_one| {
+                std::array::from_fn(|i| sums[i] + of_one[i])
+            });
         self.visible = visible_share * visible.clamp(0.0, 1.0);
-        seen.clamp(0.0, 1.0)
+        [bounded, seen].map(|seen| seen.clamp(0.0, 1.0))
     }
 }
 
@@ -152,7 +157,7 @@ mod tests {
             let [visible_now, seen] = reference::updated_visibility(visible, &particles);
             let (log_ratios, weights) = ([3.0, -5.0, 0.0], [0.5, 0.3, 0.2]);
             let mut updated = at(visible);
-            let found = updated.update((&log_ratios, &weights), 0.8, f32::INFINITY);
+            let [_, found] = updated.update((&log_ratios, &weights), 0.8, f32::INFINITY);
             assert!((found - seen).abs() < 1e-12, "{found} {seen}");
             assert!((updated.visible - 0.8 * visible_now).abs() < 1e-12);
             let bounded = particles.map(|(weight, log_ratio, in_view)| {
@@ -161,7 +166,7 @@ mod tests {
             });
             let [_, seen] = reference::updated_visibility(visible, &bounded);
             let mut updated = at(visible);
-            let found = updated.update((&log_ratios, &weights), 0.8, -1.0);
+            let [found, _] = updated.update((&log_ratios, &weights), 0.8, -1.0);
             assert!((found - seen).abs() < 1e-12, "{found} {seen}");
             assert!((updated.visible - 0.8 * visible_now).abs() < 1e-12);
         }
@@ -170,7 +175,7 @@ mod tests {
     #[test]
     fn particles_out_of_view_do_not_count_as_seen() {
         let mut visibility = at(0.5);
-        let seen = visibility.update((&[9.0, 0.0], &[0.5, 0.5]), 1.0, f32::INFINITY);
+        let [_, seen] = visibility.update((&[9.0, 0.0], &[0.5, 0.5]), 1.0, f32::INFINITY);
         assert!((seen - 0.5).abs() < 1e-3, "{seen}");
         assert!((visibility.visible - 0.75).abs() < 1e-3, "{visibility:?}");
         visibility.update((&[9.0, 9.0], &[0.5, 0.5]), 0.25, f32::INFINITY);
