@@ -19,13 +19,17 @@ fn ball(u: f64) -> Thing {
     thing(2.0, 25.0, u)
 }
 
-/// Tracks a ball on the left for 12 frames, then for 12 frames what is seen of something else in its place behind a cover, and then for 6 frames another ball on the right, too.
+/// Tracks a ball on the left for 12 frames, none for 2 frames, then for 10 frames what is seen of something else in its place behind a cover, and then for 6 frames another ball on the right, too.
 /// Returns the state and x/z of each frame.
 fn track_behind(other: Thing, cover: Thing) -> Vec<(TrackState, Option<f64>)> {
     let mut tracker = tracker_of(ball(80.0));
     let track = |number: usize| {
-        let mut things = vec![if number < 12 { ball(80.0) } else { other }];
-        let covers = [cover].into_iter().filter(|_| number >= 12);
+        let mut things = match number {
+            0..12 => vec![ball(80.0)],
+            12..14 => vec![],
+            _ => vec![other],
+        };
+        let covers = [cover].into_iter().filter(|_| number >= 14);
         things.extend((number >= 24).then(|| ball(240.0)));
         let covers: Vec<_> = covers.collect();
         let frame = shown(&things, &covers, 0.04 * number as f64);
@@ -48,7 +52,7 @@ fn half_of_something_else_is_no_target_and_does_not_hold_the_track() {
         println!("{tracked:.2?}");
         let states = |range: std::ops::Range<usize>| tracked[range].iter().map(|(state, _)| *state);
         assert!(states(2..12).all(|state| state == TrackState::Tracking));
-        assert!(states(13..24).all(|state| state == TrackState::Occluded));
+        assert!(states(12..24).all(|state| state == TrackState::Occluded));
         let on_right = |right: Option<f64>| right.is_some_and(|right| (right - 0.2).abs() < 0.01);
         let found = |(state, right): &(TrackState, Option<f64>)| {
             *state == TrackState::Tracking && on_right(*right)
@@ -65,5 +69,6 @@ fn half_of_the_target_is_the_target() {
     let found = |(state, right): &(TrackState, Option<f64>)| {
         *state == TrackState::Tracking && on_left(*right)
     };
-    assert!(tracked[2..].iter().all(found));
+    assert!(tracked[2..12].iter().all(found));
+    assert!(tracked[15..].iter().all(found));
 }

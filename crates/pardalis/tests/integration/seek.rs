@@ -218,13 +218,8 @@ fn a_disc_of_equal_size_is_detected_only_if_its_whole_colour_matches() {
         states.all(|state| state == TrackState::Tracking)
     };
     assert!(is_taken(&painted([185.0, 90.0, 37.0], true)[2..]));
-    // Without colour evidence, the hue suffices, in time: there is little contrast, so that in some frames it may be something else.
-    let faint = painted([60.0, 30.0, 15.0], false);
-    let late = &faint[10..];
-    let is_found = |estimate: &Estimate| estimate.state != TrackState::Searching;
-    assert!(late.iter().all(is_found));
-    let is_tracked = |estimate: &&Estimate| estimate.state == TrackState::Tracking;
-    assert!(2 * late.iter().filter(is_tracked).count() > late.len());
+    // Without colour evidence, the hue suffices, in time: there is little contrast.
+    assert!(is_taken(&painted([60.0, 30.0, 15.0], false)[10..]));
 }
 
 /// A disc in the image: its centre and its radius in pixels.

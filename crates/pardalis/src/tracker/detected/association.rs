@@ -314,14 +314,15 @@ impl DetectedTarget {
     }
 
     /// The most that the latest frames can say, in nats, for what is seen where the target is tracked being the target, and not one of the things of clutter before or beside it.
-    /// Without a detection there, the likeliest one counts. Infinite for a target that is yet to be found, which other tests decide, and for members of crowds, around which
-    /// everything looks like them.
+    /// Without a detection there, the likeliest one counts. Infinite while the target is followed without interruption since it was clearly seen; for one that is yet to be found, which other
+    /// tests decide; and for members of crowds, around which everything looks like them.
     pub(super) fn seen_nats(
-        &self,
+        &mut self,
         associated: &[AssociatedDetection],
         target: Option<usize>,
     ) -> f64 {
         if !self.track.is_known() || self.member.is_some() {
+            self.is_clear = false;
             return f64::INFINITY;
         }
         let detections = self.detector.detections();
@@ -330,14 +331,16 @@ impl DetectedTarget {
             let cameras = detections[found.detection].camera_count() as f64;
             found.alone + cameras * self.tuning.association.coincidence_nats
         };
+        let of_target = target.map(|number| nats(&associated[number]));
         let likeliest = || {
             associated
                 .iter()
                 .map(nats)
                 .fold(f64::NEG_INFINITY, f64::max)
         };
-        let nats = target.map_or_else(likeliest, |number| nats(&associated[number]));
-        nats - libm::log(self.clutter())
+        let most = of_target.unwrap_or_else(likeliest) - libm::log(self.clutter());
+        self.is_clear = of_target.is_some() && (self.is_clear || most >= 0.0);
+        if self.is_clear { f64::INFINITY } else { most }
     }
 
     /// Updates how much clutter is seen with the detections of a search, given which of them is the target. Without one, one of them may be the target.

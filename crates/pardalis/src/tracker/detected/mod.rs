@@ -106,6 +106,8 @@ pub(super) struct DetectedTarget {
     measured_m: Option<[f64; 3]>,
     /// How certain the size of its outline is.
     outline: Outline,
+    /// Whether it has been followed without interruption since it was clearly seen.
+    is_clear: bool,
     sights: Sights,
     /// Where the other landmarks of the target are known to be, metres.
     other_landmarks_m: Vec<[f64; 3]>,
@@ -222,6 +224,7 @@ impl DetectedTarget {
             detected: None,
             measured_m: None,
             outline: Outline::default(),
+            is_clear: false,
             sights: Sights::new(views.len()),
             time_s: 0.0,
             since_s: 0.0,
