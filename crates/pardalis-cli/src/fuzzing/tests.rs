@@ -68,6 +68,9 @@ fn every_sample_is_accepted() {
     }
     let list = fs::read_to_string(root().join("fuzz/samples.txt")).unwrap();
     for (name, path) in list.lines().skip(1).filter_map(|line| line.split_once(' ')) {
+        if name == "mcap" && !cfg!(feature = "mcap") {
+            continue;
+        }
         assert!(
             READERS.iter().any(|reader| reader.name == name),
             "{name} {path}"
