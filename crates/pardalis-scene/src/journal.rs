@@ -74,6 +74,23 @@ pub(super) struct Journal {
 /// Maximum length of a key or message in characters.
 const MAX_SHOWN: usize = 300;
 
+/// A longer line is not shown in a message.
+const MAX_QUOTED: usize = 80;
+
+/// Returns the line at an offset in bytes, without spaces around it.
+fn line_at(text: &str, offset: usize) -> &str {
+    let bytes = text.as_bytes();
+    let offset = offset.min(bytes.len());
+    let is_end = |byte: &u8| *byte == b'\n';
+    let first = bytes[..offset]
+        .iter()
+        .rposition(is_end)
+        .map_or(0, |at| at + 1);
+    let last = bytes[offset..].iter().position(is_end);
+    let line = text.get(first..last.map_or(bytes.len(), |at| offset + at));
+    line.unwrap_or_default().trim()
+}
+
 impl Journal {
     /// Parses the text. A syntax error is reported alone; of duplicate keys the first is kept, and the rest of the
     /// file is still read.
@@ -116,6 +133,10 @@ impl Journal {
                 }
                 message => {
                     let mut message = message.replace('\n', ", ");
+                    let line = line_at(text, offset);
+                    if !line.is_empty() && line.len() <= MAX_QUOTED {
+                        message = format!("`{line}` is no TOML: {message}");
+                    }
                     if is_decimal_comma(text, offset) {
                         message += "; use a decimal point instead of the comma";
                     }

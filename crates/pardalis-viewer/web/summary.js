@@ -6,7 +6,7 @@ import { number, seconds } from "pardalis/format.js";
 export function showSummary(host, summary, notes = []) {
   host.replaceChildren(...notes.map((note) => element("p", { class: "pv-note" }, note)));
   if (!summary) return;
-  host.append(element("div", { class: "pv-summary" }, section("Run", facts(run(summary))), section("Targets", targets(summary), ...notFound(summary)), section("Cameras", cameras(summary))));
+  host.append(element("div", { class: "pv-summary" }, section("Run", facts(run(summary))), section("Targets", targets(summary), ...doubts(summary), ...notFound(summary)), section("Cameras", cameras(summary))));
   if (summary.settings) {
     host.append(element("details", { class: "pv-settings" }, element("summary", {}, "Settings"), element("pre", {}, JSON.stringify(summary.settings, null, 2))));
   }
@@ -64,6 +64,12 @@ const EXPLAINED = {
   overtaken: "live images that were left out because tracking was slower than the camera",
   frozen: "the same, byte for byte, as the image before",
 };
+
+/** What is doubtful where targets were tracked. */
+function doubts(summary) {
+  const all = Object.entries(summary.targets ?? {}).flatMap(([name, target]) => (target.doubts ?? []).map((sentence) => `${name}: ${sentence}`));
+  return all.length > 0 ? [element("ul", { class: "pv-missed" }, ...all.map((sentence) => element("li", {}, sentence)))] : [];
+}
 
 function explained(word) {
   return EXPLAINED[word] ? element("abbr", { title: EXPLAINED[word] }, word) : word;

@@ -233,7 +233,7 @@ pub(crate) fn summary(run: &Run) -> String {
     let frames = outcome.frame_sets;
     let rate = frames as f64 / outcome.tracking_s.max(1e-9);
     let count = counted(frames as u64, "frame");
-    let mut text = format!("tracked {count} ({rate:.0} per second of tracking time)\n");
+    let mut text = format!("processed {count} ({rate:.0} per second of tracking time)\n");
     if outcome.interrupted {
         text += "ended on request\n";
     }
@@ -268,6 +268,9 @@ pub(crate) fn summary(run: &Run) -> String {
         };
         for radius in radii(run, number) {
             let _ = writeln!(text, "  {}: radius {radius}", radius.key);
+        }
+        for line in run.doubts.lines(number) {
+            let _ = writeln!(text, "  {line}");
         }
         // Warnings say why a target was never found.
         if states.tracking > 0 {

@@ -18,8 +18,7 @@ const REPORTED_RANGES: usize = 6;
 
 /// Counts, for each target, the frames in which it was searching or lost, by what ruled out a candidate in them.
 pub(crate) struct MissedFrames {
-    /// Whether another program detects each target.
-    are_boxed: Vec<bool>,
+    kinds: Vec<Kind>,
     /// One count per verdict, in the order of [`Verdict::ALL`].
     targets: Vec<[usize; Verdict::ALL.len()]>,
     /// The same, but only of a candidate that looks like the target where there is one, for the frames that follow others in which the target was in an image, and the number of these.
@@ -31,6 +30,23 @@ pub(crate) struct MissedFrames {
     seen: Vec<Option<usize>>,
     /// The names of the cameras.
     cameras: Vec<String>,
+}
+
+/// How a target is searched for.
+#[derive(Debug, Clone, Copy)]
+struct Kind {
+    /// Whether another program detects it.
+    is_boxed: bool,
+    is_crowd: bool,
+}
+
+impl Kind {
+    fn of(target: &TargetConfig) -> Self {
+        Self {
+            is_boxed: is_boxed(target),
+            is_crowd: target.crowd.is_some(),
+        }
+    }
 }
 
 /// Where a target has left the images.
@@ -93,7 +109,7 @@ impl MissedFrames {
     pub(crate) fn of(scene: &Scene) -> Self {
         let targets = &scene.targets;
         Self {
-            are_boxed: targets.iter().map(is_boxed).collect(),
+            kinds: targets.iter().map(Kind::of).collect(),
             targets: vec![[0; Verdict::ALL.len()]; targets.len()],
             unexplained: vec![([0; Verdict::ALL.len()], 0); targets.len()],
             ranges: vec![Ranges::default(); targets.len()],
@@ -135,27 +151,30 @@ impl MissedFrames {
                 cameras => format!("all images, also that of {}", cameras[camera]),
             };
             let side = side.map_or(String::new(), |side| format!(" ({side})"));
-            Some(format!("after frame {} it left {image}{side}", seen?))
+            Some(format!(
+                "after frame {} its predicted path left {image}{side}",
+                seen?
+            ))
         });
         let (counts, unexplained) = self.unexplained[target];
         let reasons = Verdict::ALL.into_iter().zip(counts);
         let mut reasons: Vec<_> = reasons.filter(|&(_, frames)| frames > 0).collect();
         // Of two equally frequent ones that which came nearer.
         reasons.sort_by_key(|&reason| std::cmp::Reverse((reason.1, reason.0)));
-        let is_boxed = self.are_boxed[target];
+        let kind = self.kinds[target];
         let line = |&(reason, frames): &(Verdict, usize)| {
             let of_these = if missed == 1 {
                 "in this frame".to_owned()
             } else if unexplained == missed {
                 format!("in {frames} of these {missed} frames")
             } else {
-                format!("in {frames} of the other {unexplained} frames")
+                format!("in {frames} of the {unexplained} frames in which it had not left")
             };
             format!(
                 "{of_these}, {} ({}): {}",
-                what(reason, is_boxed),
+                what(reason, kind.is_boxed),
                 reason.name(),
-                remedy(reason, is_boxed)
+                remedy(reason, kind)
             )
         };
         let reasons = reasons.iter().take(REPORTED_REASONS).map(line);
@@ -267,6 +286,32 @@ pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict
     Ok(Verdict::ALL.into_iter().rev().filter(is_reason).collect())
 }
 
+/// Returns what ruled out the candidate of a target that is nearest to a pixel of a camera's latest image, among those around which it lies; [`Verdict::NoColors`] if there is none.
+/// `None` without any candidate.
+pub(crate) fn reason_at(
+    tracker: &Tracker,
+    target: TargetId,
+    (camera, pixel): (usize, [f64; 2]),
+) -> Result<Option<Verdict>> {
+    let candidates = ruled_out(tracker, target)?;
+    let nearest = candidates.iter().filter_map(|one| {
+        let of_camera = one.origin.camera().filter(|id| id.index() == camera);
+        let blob = one.origin.blob().filter(|_| of_camera.is_some())?;
+        let is_around = (0..2).all(|axis| {
+            let (low, high) = (blob.min_px[axis] as f64, blob.max_px[axis] as f64);
+            // What is covered or in the shade at the rim has other colours.
+            let margin_px = 0.5 * (high - low + 1.0);
+            (low - margin_px..=high + margin_px).contains(&pixel[axis])
+        });
+        let [du, dv] = [0, 1].map(|axis| blob.centroid_px[axis] - pixel[axis]);
+        is_around.then(|| (libm::hypot(du, dv), one.verdict))
+    });
+    // Of several at one place that which came nearest to being the target.
+    let nearest = nearest.min_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+    let nothing = (!candidates.is_empty()).then_some(Verdict::NoColors);
+    Ok(nearest.map(|(_, verdict)| verdict).or(nothing))
+}
+
 /// Returns what ruled out the candidate whose outline looks most like the target's, if it does: only that matters then.
 fn likely(candidates: &[&Candidate]) -> Option<Verdict> {
     let outlines = candidates
@@ -315,13 +360,14 @@ pub(crate) fn what(verdict: Verdict, is_boxed: bool) -> String {
 }
 
 /// Says what to do if a verdict is wrong.
-fn remedy(verdict: Verdict, is_boxed: bool) -> &'static str {
+fn remedy(verdict: Verdict, kind: Kind) -> &'static str {
     match verdict {
-        Verdict::OtherOutline if is_boxed => {
+        Verdict::OtherOutline if kind.is_boxed => {
             "check the shape, and whether the boxes are in pixels of these images"
         }
-        Verdict::NoColors | Verdict::OtherColor => {
-            "learn the colours from images of this camera in this light"
+        Verdict::NoColors => "learn the colours from images of this camera in this light",
+        Verdict::OtherColor => {
+            "if it is the target, learn the colours from images of this camera in this light"
         }
         Verdict::Surplus => "mask the other objects, or learn finer colours (learn --bins)",
         Verdict::OutOfView => "check size_px, the mask and the camera's model",
@@ -330,17 +376,23 @@ fn remedy(verdict: Verdict, is_boxed: bool) -> &'static str {
             "check the target's size in metres and the focal length"
         }
         Verdict::NoEdges => "look for blur and for surroundings in its colours",
-        Verdict::Covered => "check whether something covers it, or whether it is something else",
+        Verdict::Covered => {
+            "check whether something covers it or touches it in its colours, or whether it is something else"
+        }
         Verdict::OtherOutline => "check its shape, and learn from labels along its outline",
         Verdict::NoBox => {
             "check detector.class and detector.detection_probability, and whether the boxes are in pixels of these images"
         }
         Verdict::OutsideRegion => "check existence.region, the camera's pose and the target's size",
         Verdict::Stray => "look for other things in the landmark's colours",
-        Verdict::LookAlike | Verdict::Rival => {
-            "give the scene one target for each object, or count = \"any\""
+        Verdict::LookAlike | Verdict::Rival if kind.is_crowd => {
+            "check with --annotate whether one outline holds two of them"
         }
-        _ if is_boxed => {
+        Verdict::LookAlike => {
+            "if it is a further object, give the scene a target for it, too, or count = \"any\""
+        }
+        Verdict::Rival => "give the scene one target for each object, or count = \"any\"",
+        _ if kind.is_boxed => {
             "check detector.false_per_image, detector.side_sigma and the scores: one box is not enough"
         }
         _ => "give more frames, or learn from more images",

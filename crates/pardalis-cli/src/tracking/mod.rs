@@ -5,6 +5,7 @@ mod annotate;
 mod camera_rows;
 mod candidate_rows;
 mod crossing_rows;
+mod doubts;
 #[cfg(feature = "studio")]
 mod earlier;
 #[cfg(feature = "studio")]
@@ -57,6 +58,7 @@ use crate::user_error::user_error;
 use camera_rows::CameraRows;
 use candidate_rows::CandidateRows;
 use crossing_rows::CrossingRows;
+use doubts::Doubts;
 #[cfg(feature = "studio")]
 pub(crate) use earlier::earlier_runs;
 use extras::Extras;
@@ -238,6 +240,8 @@ pub(crate) struct Run {
     pub(crate) series: SeriesCollector,
     /// Why targets were not found.
     pub(crate) missed: MissedFrames,
+    /// What is doubtful where they were.
+    pub(crate) doubts: Doubts,
     /// How many estimates were sent where, in words.
     pub(crate) sent: Vec<String>,
     /// The files that were written, the most important first.
@@ -306,9 +310,10 @@ pub(crate) fn run_steps(
     let mut series = SeriesCollector::new(&open.scene);
     let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
     let mut missed = MissedFrames::of(&open.scene);
+    let mut doubts = Doubts::of(&open.scene);
     let pool = options.threads.start()?;
     let mut sinks = Sinks {
-        needed: vec![&mut rows, &mut series, &mut missed],
+        needed: vec![&mut rows, &mut series, &mut missed, &mut doubts],
         others: extras.sinks(),
     };
     if let Some(smoothed) = &mut smoothed {
@@ -334,6 +339,9 @@ pub(crate) fn run_steps(
                     "targets.{name}: cannot be smoothed, and its rows are those of the filter: only targets of one body that are detected can"
                 ));
             }
+            if let Some(warning) = smoothed::guesses_warning(&open.scene) {
+                warn(warning);
+            }
             files.extend(smoothed.write(folder)?);
             series.replace(smoothed.samples());
         }
@@ -342,7 +350,7 @@ pub(crate) fn run_steps(
             scene_path,
             &open,
             &outcome,
-            (&series, &missed),
+            (&series, &missed, &doubts),
             (pool.current_num_threads(), smoothed.is_some()),
         )?);
         if options.plots {
@@ -365,6 +373,7 @@ pub(crate) fn run_steps(
         outcome,
         series,
         missed,
+        doubts,
         sent,
         files,
     })

@@ -11,7 +11,7 @@ use pardalis::filter::modes::{Measured, ModeSettings};
 use pardalis::filter::smoother::{Contact, contacts, smooth};
 use pardalis::tracker::BodyMeasurement;
 use pardalis::{Estimate, TargetId};
-use pardalis_scene::{Scene, TargetConfig};
+use pardalis_scene::{Scene, TargetConfig, TrackingConfig};
 
 use super::rows::{HEADER, write_row};
 use super::series::Key;
@@ -48,6 +48,45 @@ pub(super) struct SmoothedTracks {
     contacts: Vec<(Key, Vec<Contact>)>,
 }
 
+/// Warns of guesses that falsify gravity, of which smoothing makes flights and contacts.
+pub(super) fn guesses_warning(scene: &Scene) -> Option<String> {
+    let matters = |key: &&String| {
+        let parts: Vec<&str> = key.split('.').collect();
+        matches!(
+            parts[..],
+            ["cameras", _, "world_from_camera" | "model", ..] | ["targets", _, "shape", ..]
+        )
+    };
+    let guessed: Vec<&str> = scene
+        .guesses
+        .iter()
+        .filter(matters)
+        .map(String::as_str)
+        .collect();
+    (!guessed.is_empty()).then(|| {
+        format!(
+            "--smooth: gravity acts along -z of the world, in metres, but {} {} guessed: some contacts in {EVENTS} may be none, and some may be missing",
+            guessed.join(", "),
+            if guessed.len() == 1 { "is" } else { "are" }
+        )
+    })
+}
+
+/// Returns how a target may move; targets that cannot be smoothed as by default.
+fn mode_settings(target: &TargetConfig) -> ModeSettings {
+    match target.bodies.first().map(|body| &body.tracking) {
+        Some(
+            TrackingConfig::Detected {
+                existence, motion, ..
+            }
+            | TrackingConfig::Boxed {
+                existence, motion, ..
+            },
+        ) => existence.mode_settings(motion.is_planar()),
+        Some(TrackingConfig::Initialized { .. }) | None => ModeSettings::default(),
+    }
+}
+
 impl SmoothedTracks {
     /// Keeps nothing yet of the targets of a scene.
     pub(super) fn new(scene: &Scene) -> Self {
@@ -74,13 +113,7 @@ impl SmoothedTracks {
                     position: row.measurement.map(|m| (m.position_m, m.covariance_m2)),
                 })
                 .collect();
-            let is_planar = |m: &BodyMeasurement| m.covariance_m2[5] == 0.0;
-            let mut of_rows = rows.iter().filter_map(|row| row.measurement.as_ref());
-            let settings = if of_rows.next().is_some_and(is_planar) {
-                ModeSettings::planar()
-            } else {
-                ModeSettings::default()
-            };
+            let settings = mode_settings(&self.targets[key.0]);
             let states = smooth(&measured, &settings);
             let contacts = contacts(&measured, &states, &settings);
             self.contacts.push((*key, contacts));

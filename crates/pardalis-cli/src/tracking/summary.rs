@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::agreement;
 use super::radius::EstimatedRadius;
-use super::{MissedFrames, Outcome, SeriesCollector};
+use super::{Doubts, MissedFrames, Outcome, SeriesCollector};
 use crate::files::write_file;
 use crate::measurements;
 use crate::platforms;
@@ -23,7 +23,7 @@ pub(crate) fn write(
     scene_path: &Path,
     open: &OpenScene,
     outcome: &Outcome,
-    (series, missed): (&SeriesCollector, &MissedFrames),
+    results: (&SeriesCollector, &MissedFrames, &Doubts),
     (threads, is_smoothed): (usize, bool),
 ) -> Result<PathBuf> {
     let mut decoding_s = 0.0;
@@ -55,7 +55,7 @@ pub(crate) fn write(
     }
     let mut targets = Map::new();
     for (number, target) in open.scene.targets.iter().enumerate() {
-        let entry = target_entry(open, number, series, missed)?;
+        let entry = target_entry(open, number, results)?;
         targets.insert(target.name.clone(), entry);
     }
     let summary = json!({
@@ -92,8 +92,7 @@ pub(crate) fn write(
 fn target_entry(
     open: &OpenScene,
     number: usize,
-    series: &SeriesCollector,
-    missed: &MissedFrames,
+    (series, missed, doubts): (&SeriesCollector, &MissedFrames, &Doubts),
 ) -> Result<Value> {
     let target = &open.scene.targets[number];
     let states = &series.states()[number];
@@ -133,6 +132,7 @@ fn target_entry(
         "rows": states,
         "missed": missed,
         "not_found": not_found,
+        "doubts": doubts.lines(number),
         "cameras": per_camera,
     });
     if target.crowd.is_some() {

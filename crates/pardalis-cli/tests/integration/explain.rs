@@ -80,7 +80,7 @@ fn the_run_says_where_a_target_left_the_image() {
         .parse::<usize>()
         .unwrap();
     assert!((15..35).contains(&last), "{last}");
-    let wanted = format!("after frame {last} it left the image (left)");
+    let wanted = format!("after frame {last} its predicted path left the image (left)");
     let report = run.stdout + &run.stderr;
     assert!(
         report.contains(&format!("  {wanted}\n")),
@@ -209,6 +209,7 @@ fn a_ball_that_is_found_is_the_target_among_the_candidates() {
     // The robot that carries the camera has the ball's colours, but another outline.
     assert!(verdicts(&rows).contains("other-outline"), "{rows:?}");
     assert_eq!(missed(&place), serde_json::json!({}));
+    assert_eq!(ball(&place)["doubts"], serde_json::json!([]));
     // Candidates change nothing in rows, and are drawn: the cross is on the ball.
     let picture = |folder: &str| {
         let file = fs::read(place.path(folder).join("annotated/000003.jpg")).unwrap();
@@ -312,6 +313,44 @@ fn two_equal_balls_are_rivals_for_one_target() {
     let run = explained(&place, &scene, &[]);
     let message = "in 3 of these 3 frames, several candidates look like it (rival)";
     assert!(run.stderr.contains(message), "{}", run.stderr);
+
+    // Once one of them is followed, the other is still there.
+    let run = explained(&place, &scene.replace("frame_limit = 3", ""), &[]).fine();
+    let doubts = ball(&place)["doubts"].clone();
+    let doubt = doubts[0].as_str().unwrap();
+    assert!(
+        doubt.contains("something else looked as much like it (rival)"),
+        "{doubts}"
+    );
+    assert!(
+        run.stdout.contains(&format!("  {doubt}\n")),
+        "{}",
+        run.stdout
+    );
+}
+
+#[test]
+fn at_a_click_the_reason_is_that_of_what_is_there() {
+    let place = Workplace::with_frames(1);
+    let scene = detected("orange-ball.hsi.colors.toml").replace("145.5622506548578", "5000");
+    place.write("scene.toml", scene);
+    let located = |at: &str| {
+        let run = Run::pardalis(place.path(""), &["locate", "scene.toml", "--at", at]).fine();
+        run.stdout.lines().next().unwrap().to_owned()
+    };
+    // On the ball of data/dioptric-jump, and beside everything orange.
+    let reason = located("460,88");
+    assert!(
+        reason.starts_with(
+            "frame 0: ball not found: at the click, the area in its colours is so small"
+        ),
+        "{reason}"
+    );
+    let reason = located("320,150");
+    assert_eq!(
+        reason,
+        "frame 0: ball not found: nothing at the click has its colours (no-colors)"
+    );
 }
 
 #[test]

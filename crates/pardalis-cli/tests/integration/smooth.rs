@@ -104,6 +104,31 @@ fn what_comes_after_makes_a_track_better() {
 }
 
 #[test]
+fn contacts_depend_on_what_the_scene_says_and_does_not_know() {
+    let place = Workplace::with_frames(1);
+    let options = ["-o", "out", "--smooth", "--no-plots"];
+    let contacts = |place: &Workplace| {
+        let events = fs::read_to_string(place.path("out/events.csv")).unwrap();
+        events.lines().count() - 1
+    };
+    let scene = with_data(DETECTED);
+    let run = place.track_with(&scene, &options).fine();
+    assert!(!run.stderr.contains("guessed"), "{}", run.stderr);
+    let usual = contacts(&place);
+
+    let scene = scene.replace(
+        "seed = 1",
+        "seed = 1\nguessed = [\"cameras.cam1.world_from_camera\"]",
+    ) + "existence.velocity_jump_rate_hz = 0\n";
+    let run = place.track_with(&scene, &options);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let without = contacts(&place);
+    assert!(without < usual, "{without} of {usual}");
+    let warning = "warning: --smooth: gravity acts along -z of the world, in metres, but cameras.cam1.world_from_camera is guessed";
+    assert!(run.stderr.contains(warning), "{}", run.stderr);
+}
+
+#[test]
 fn targets_that_cannot_be_smoothed_are_named() {
     let place = Workplace::with_frames(1);
     let scene = with_data(&format!("{PLANE_ROBOT}{FRONT_LANDMARK}{REAR_LANDMARK}"));

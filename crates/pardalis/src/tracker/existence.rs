@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use pardalis_core::Error;
+use pardalis_filter::modes::ModeSettings;
 
 /// Where a target can be: a box along the axes of the world, whose sides may lie at infinity.
 ///
@@ -144,6 +145,21 @@ impl Default for ExistenceSettings {
 }
 
 impl ExistenceSettings {
+    /// Returns how a target with these sudden changes of velocity may move, on a plane or not, for [`smoother::smooth`](pardalis_filter::smoother::smooth).
+    ///
+    /// The rate and size of the mode of a hit are to their defaults as those of the sudden changes are to theirs, which are generous: particles must be where a kick may lead.
+    pub fn mode_settings(&self, is_planar: bool) -> ModeSettings {
+        let mut settings = if is_planar {
+            ModeSettings::planar()
+        } else {
+            ModeSettings::default()
+        };
+        let usual = Self::default();
+        settings.hit_rate_hz *= self.velocity_jump_rate_hz / usual.velocity_jump_rate_hz;
+        settings.hit_sigma_mps *= self.velocity_jump_sigma_mps / usual.velocity_jump_sigma_mps;
+        settings
+    }
+
     /// Returns an error for rates out of range.
     pub fn check(&self) -> Result<(), Error> {
         for (name, value) in [

@@ -142,6 +142,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let default_colors = || PathBuf::from(format!("{}.colors.toml", arguments.target));
     let colors = arguments.colors.clone().unwrap_or_else(default_colors);
     let is_single = is_single_image(&arguments.input);
+    if colors.is_dir() {
+        return Err(user_error!(
+            "--colors: {} is a folder; give the file that `pardalis learn` wrote",
+            colors.shown()
+        ));
+    }
     let (cameras, radius_m) = cameras(arguments)?;
     let scene = SceneText {
         cameras,

@@ -35,7 +35,7 @@ pub(crate) use starts::parse_pixel;
 /// velocities) and summary.json.
 ///
 /// Targets that are detected need no start, and a start does not guide their detection: if one is given, the line about
-/// the image says if the target was found farther from it than its diameter.
+/// the image says if the target was found farther from it than its diameter. If it was not found, the reason is that of what is at the click.
 ///
 /// For each image it prints the position with its standard deviations and the confidence, or why a target was not found
 /// (docs/not-found.md).
@@ -223,12 +223,16 @@ pub(crate) fn locate(
         for located in &tracked {
             let (number, estimate) = (located.target, &located.estimate);
             let (target, name) = (&targets[number], located.name(&targets));
-            let reasons = missed::reasons(tracker, TargetId::new(number))?;
-            let reason = reasons.first().copied();
+            let id = TargetId::new(number);
+            let click = starts.click(number, frame);
+            let reason = match click {
+                Some(click) => missed::reason_at(tracker, id, click)?,
+                None => missed::reasons(tracker, id)?.first().copied(),
+            };
             let far = estimate.kinematics.and_then(|found| {
                 starts.far_from(tracker, (number, target), frame, found.position_m)
             });
-            let reason = (reason, missed::is_boxed(target));
+            let reason = (reason, click.is_some(), missed::is_boxed(target));
             let line = line(estimate, reason, seen(tracker, target, estimate));
             let far = far.map(|far| format!("; {far}")).unwrap_or_default();
             let _ = writeln!(report, "frame {}: {} {line}{far}", set.index, name);
@@ -264,10 +268,10 @@ fn seen(tracker: &Tracker, target: &TargetConfig, estimate: &Estimate) -> Option
     Sight::of(view, &body.shape, position_m, stance)
 }
 
-/// Says where a target is in one image, or what ruled out the candidate that came nearest to it if there is one.
+/// Says where a target is in one image, or what ruled out a candidate if there is one: that at the click, or that which came nearest to being the target.
 fn line(
     estimate: &Estimate,
-    (reason, is_boxed): (Option<Verdict>, bool),
+    (reason, is_at_click, is_boxed): (Option<Verdict>, bool, bool),
     seen: Option<Sight>,
 ) -> String {
     match (&estimate.kinematics, reason) {
@@ -288,9 +292,13 @@ fn line(
             }
             line
         }
+        (None, Some(Verdict::NoColors)) if is_at_click => {
+            "not found: nothing at the click has its colours (no-colors)".to_owned()
+        }
         (None, Some(reason)) => {
+            let at_click = if is_at_click { "at the click, " } else { "" };
             format!(
-                "not found: {} ({})",
+                "not found: {at_click}{} ({})",
                 missed::what(reason, is_boxed),
                 reason.name()
             )

@@ -257,6 +257,23 @@ impl Starts {
         Ok(())
     }
 
+    /// Returns the pixel that is given as the start of a target, with the index of its camera.
+    pub(super) fn click(&self, number: usize, frame: usize) -> Option<(usize, [f64; 2])> {
+        match self.rough(number, frame)? {
+            RoughStart::Pixel(camera, pixel) => Some((camera, pixel)),
+            RoughStart::Position(_) => None,
+        }
+    }
+
+    /// Returns the start that is given for a target, in place of the scene's.
+    fn rough(&self, number: usize, frame: usize) -> Option<RoughStart> {
+        match self {
+            Self::Scene => None,
+            Self::Same(rough_start) => Some(*rough_start),
+            Self::Listed { targets, .. } => Some(targets[number].1.get(&frame)?.0),
+        }
+    }
+
     /// Says how far a target was found from the start given for it, which does not guide detection, and need not be where the published
     /// cues find it; `None` if it is not farther away than its diameter.
     pub(super) fn far_from(
@@ -269,12 +286,7 @@ impl Starts {
         let [body] = &target.bodies[..] else {
             return None;
         };
-        let rough_start = match self {
-            Self::Scene => return None,
-            Self::Same(rough_start) => *rough_start,
-            Self::Listed { targets, .. } => targets[number].1.get(&frame)?.0,
-        };
-        match rough_start {
+        match self.rough(number, frame)? {
             RoughStart::Position(position_m) => {
                 let [x, y, z] = [0, 1, 2].map(|i| found_m[i] - position_m[i]);
                 let away_m = hypot(hypot(x, y), z);

@@ -16,16 +16,10 @@ pub(super) fn mode_filter(
     is_planar: bool,
     velocity_sigma_mps: f64,
 ) -> Option<ModeFilter> {
-    let mut settings = if is_planar {
-        ModeSettings::planar()
-    } else {
-        ModeSettings::default()
+    let settings = ModeSettings {
+        velocity_sigma_mps,
+        ..existence.mode_settings(is_planar)
     };
-    settings.velocity_sigma_mps = velocity_sigma_mps;
-    // The particles' rate is generous, so that some of them are where a kick may lead.
-    let usual = ExistenceSettings::default();
-    settings.hit_rate_hz *= existence.velocity_jump_rate_hz / usual.velocity_jump_rate_hz;
-    settings.hit_sigma_mps *= existence.velocity_jump_sigma_mps / usual.velocity_jump_sigma_mps;
     existence.motion_modes.then(|| ModeFilter::new(settings))
 }
 
