@@ -29,6 +29,7 @@ mod progress;
 mod recordings;
 mod rectangle;
 mod report;
+mod results;
 mod rig;
 mod scene;
 mod scene_files;

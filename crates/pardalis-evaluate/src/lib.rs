@@ -8,6 +8,7 @@
 //! | Which track follows which object, and do they swap? | [`assign`], [`identities`], [`ends_on_another`] |
 //! | Where is the world of the tracks in that of the truth, if they differ? | [`alignment`], [`EstimatedState::moved`] |
 //! | How well do any number of tracks follow any number of objects? | [`crowd`] |
+//! | Is a track on the object, where only circles in images are known? | [`evaluate_circles`] |
 //!
 //! # Example
 //!
@@ -42,6 +43,7 @@
 mod alignment;
 mod assignment;
 mod bootstrap;
+mod circles;
 mod course;
 mod crowd;
 mod distribution;
@@ -54,6 +56,9 @@ mod states;
 mod summary;
 
 pub use alignment::alignment;
+pub use circles::{
+    Circle, CircleEvaluation, CircleSample, ProjectedOutline, Sighting, evaluate_circles,
+};
 pub use course::Course;
 pub use crowd::{Crowd, CrowdObject, crowd};
 pub use distribution::{Distribution, MeanSd};

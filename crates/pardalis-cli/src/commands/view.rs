@@ -3,15 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis_scene::Scene;
 use serde_json::Value;
 
 use crate::files::refuse_foreign;
 use crate::output::{Shown, print, warn};
 use crate::report::{self, CameraPoses, Compared, Comparison, PageCamera, PageScene};
-use crate::scene::problems_in;
-use crate::scene_files::{read_calibration, read_text};
-use crate::tracking::{CAMERAS, SUMMARY, is_previous, previous_of};
+use crate::results::{self, beside, folder_of, read_summary};
+use crate::tracking::{CAMERAS, SUMMARY};
 use crate::user_error::user_error;
 
 /// Shows finished tracks in 3D, over time and in numbers
@@ -71,15 +69,10 @@ impl Results {
                 }
             ));
         }
-        let folder = match tracks.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
-            _ => PathBuf::from("."),
-        };
-        let summary = read_summary(&beside(&tracks, &folder, SUMMARY))?;
         Ok(Self {
+            folder: folder_of(&tracks),
+            summary: read_summary(&tracks)?,
             tracks,
-            folder,
-            summary,
         })
     }
 
@@ -150,7 +143,7 @@ fn write_page(arguments: &Arguments) -> Result<PathBuf> {
         _ => None,
     };
     let mut notes = Vec::new();
-    let poses = beside(&results.tracks, &results.folder, CAMERAS);
+    let poses = beside(&results.tracks, CAMERAS);
     let poses = if poses.exists() {
         report::read_poses(&poses)?
     } else {
@@ -195,62 +188,9 @@ fn page_scene(results: &Results, poses: CameraPoses, notes: &mut Vec<String>) ->
     })
 }
 
-/// Returns a file beside some rows: an earlier run has its own.
-fn beside(tracks: &Path, folder: &Path, name: &str) -> PathBuf {
-    let file = folder.join(name);
-    if is_previous(tracks) {
-        previous_of(&file)
-    } else {
-        file
-    }
-}
-
-/// Reads the summary of a run; `None` if there is none.
-fn read_summary(path: &Path) -> Result<Option<Value>> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    let summary: Value = serde_json::from_str(&read_text(path)?).map_err(|error| {
-        user_error!(
-            "{}: is no summary of pardalis track: {error}; remove it, or track again",
-            path.shown()
-        )
-    })?;
-    Ok(Some(summary))
-}
-
-/// Returns the scene that a summary names, if it can still be read. Models that were found in images are those in the summary.
+/// Returns the scene of a page that a summary names, if it can still be read.
 fn scene_of(summary: &Value, folder: &Path, mut poses: CameraPoses) -> Result<PageScene, String> {
-    let named = Path::new(summary["scene"].as_str().unwrap_or_default());
-    // Where the run was started is not recorded: most likely here, or in a folder above the results.
-    let places = [Path::new("")].into_iter().chain(folder.ancestors());
-    let mut paths = places.map(|place| place.join(named));
-    let path = paths.find(|path| path.is_file()).ok_or_else(|| {
-        format!(
-            "the scene {} is not found, neither here nor in a folder above the tracks",
-            named.shown()
-        )
-    })?;
-    let text = read_text(&path).map_err(|error| format!("{error:#}"))?;
-    let scene_folder = path.parent().unwrap_or(Path::new(""));
-    let parse = |replaced: &toml::Table| {
-        let scene = Scene::parse_without_inputs(&text, replaced, &|file, lens| {
-            read_calibration(scene_folder, file, lens)
-        });
-        scene.map_err(|problems| format!("{:#}", problems_in("scene", &path, &problems)))
-    };
-    let mut scene = parse(&toml::Table::new())?;
-    let by_rectangle = scene.cameras.iter().filter(|c| c.rectangle.is_some());
-    let found: toml::Table = by_rectangle
-        .filter_map(|camera| {
-            let model = &summary["settings"]["cameras"][&camera.name]["model"];
-            let key = format!("cameras.{}.model", camera.name);
-            Some((key, toml::Value::try_from(model).ok()?))
-        })
-        .collect();
-    if !found.is_empty() {
-        scene = parse(&found)?;
-    }
+    let (scene, path) = results::scene_of(summary, folder)?;
     let cameras = scene.cameras.iter().map(|camera| PageCamera {
         size_px: size_px(summary, &camera.name),
         path: poses.remove(&camera.name).unwrap_or_default(),

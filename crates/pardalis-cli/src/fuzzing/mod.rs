@@ -67,6 +67,7 @@ pub const READERS: &[Reader] = {
         reader("calibration-sequence", calibrations::sequence),
         reader("tracks", tables::tracks),
         reader("truth", tables::truth),
+        reader("circles", tables::circles),
         reader("points", tables::points),
         reader("starts", tables::starts),
         reader("poses", tables::poses),

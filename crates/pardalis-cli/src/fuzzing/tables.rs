@@ -6,6 +6,7 @@ use anyhow::Result;
 
 use crate::commands::calibrate::observations::{Columns, read_table};
 use crate::commands::devices::formats::{best, formats_in};
+use crate::commands::evaluate::circles_of;
 use crate::detections;
 use crate::fuzzed_file::{FILE, check_error};
 use crate::measurements;
@@ -99,6 +100,28 @@ pub(super) fn truth(bytes: &[u8]) -> bool {
             state
                 .visible_fraction
                 .is_none_or(|share| (0.0..=1.0).contains(&share))
+        );
+    }
+    true
+}
+
+/// Reads circles around objects in images.
+pub(super) fn circles(bytes: &[u8]) -> bool {
+    let Some(all) = read(bytes, circles_of) else {
+        return false;
+    };
+    assert!(!all.is_empty());
+    let circles = all.iter().flat_map(|one| &one.images);
+    for circle in circles.filter_map(|(_, circle)| circle.as_ref()) {
+        assert!(
+            are_finite(Some(circle.center_px))
+                && circle.radius_px.is_finite()
+                && circle.radius_px > 0.0
+        );
+        assert!(
+            circle
+                .visible_fraction
+                .is_none_or(|share| share > 0.0 && share <= 1.0)
         );
     }
     true

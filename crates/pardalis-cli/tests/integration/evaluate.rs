@@ -681,4 +681,5 @@ fn headings_are_compared_if_both_tables_have_one() {
     }
 }
 
+mod circles;
 mod confidence;

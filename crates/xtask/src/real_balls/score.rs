@@ -46,16 +46,18 @@ struct Row {
     u_px: Option<f64>,
     v_px: Option<f64>,
     radius_px: Option<f64>,
-    visible: Option<f64>,
+    visible_fraction: Option<f64>,
 }
 
-/// Reads `truth.csv`. Rows without `visible` could not be judged and are skipped.
+/// Reads `truth.csv`. Rows without `visible_fraction` could not be judged and are skipped.
 pub(crate) fn read_truth(path: &Path) -> Result<Truth> {
     let mut truth = Truth::new();
     let mut reader = csv::Reader::from_path(path).with_context(|| path.display().to_string())?;
     for row in reader.deserialize() {
         let row: Row = row.with_context(|| path.display().to_string())?;
-        let Some(visible) = row.visible else { continue };
+        let Some(visible) = row.visible_fraction else {
+            continue;
+        };
         let circle = match (row.u_px, row.v_px, row.radius_px) {
             (Some(u_px), Some(v_px), Some(radius_px)) if visible > 0.0 => Some(Circle {
                 u_px,
@@ -174,7 +176,7 @@ mod tests {
     fn estimates_are_right_wrong_or_in_between() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("truth.csv");
-        let rows = "frame,object,u_px,v_px,radius_px,visible,blur_px\n0,ball,,,,0,\n1,ball,100,50,10,1.0,\n\
+        let rows = "frame,object,u_px,v_px,radius_px,visible_fraction,blur_px\n0,ball,,,,0,\n1,ball,100,50,10,1.0,\n\
                     2,ball,100,50,10,0.9,\n3,ball,100,50,10,0.3,\n4,ball,100,50,10,,\n5,ball,100,50,10,0.6,\n\
                     6,ball,100,50,10,1.0,\n7,ball,100,50,10,1.0,\n";
         std::fs::write(&path, rows).unwrap();

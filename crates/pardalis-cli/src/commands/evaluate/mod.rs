@@ -2,6 +2,7 @@
 
 mod align;
 mod between;
+mod circles;
 mod confidence;
 mod crowds;
 mod frames;
@@ -20,20 +21,29 @@ use serde_json::Value;
 use crate::files::write_file;
 use crate::output::{Shown, print, warn};
 use crate::scene_files::read_text;
-use crate::tables::{self, Series, TrackRow};
+use crate::tables::{self, Series, Table, TrackRow};
 use crate::user_error::user_error;
 pub(crate) use align::Aligned;
+#[cfg(any(test, feature = "fuzz"))]
+pub(crate) use circles::circles_of;
 use confidence::Confidence;
 use frames::Frames;
 use pairing::Pair;
 pub(crate) use report::{CrowdReport, Point, Report, TargetReport};
 
 /// Evaluates tracks against the truth
+///
+/// The truth is positions in metres, or circles that were drawn around the object in some images: a table with the columns frame,u_px,v_px,radius_px, for recordings whose
+/// positions nobody measured. Circles are compared with what the cameras of the scene show of the target.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis evaluate ball-tracks truth.csv              errors in metres, coverage, lost frames
+  pardalis evaluate ball-tracks circles.csv            the share of images in which it is on the ball
+  pardalis evaluate run7 truth.csv --json -            all figures as JSON")]
 pub(crate) struct Arguments {
     /// tracks.csv, or the folder that holds it
     tracks: PathBuf,
-    /// truth.csv, or the folder that holds it
+    /// truth.csv, or the folder that holds it; or a table of circles
     truth: PathBuf,
     #[command(flatten)]
     options: Options,
@@ -109,6 +119,12 @@ impl Default for Options {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let truth = Table::read(&file_in(&arguments.truth, "truth.csv"))?;
+    if circles::has_circles(&truth) {
+        let tracks = file_in(&arguments.tracks, "tracks.csv");
+        let report = circles::score(&tracks, &truth, &arguments.options)?;
+        return show(arguments, &report.to_json()?, &report.to_string());
+    }
     let report = score_files(&arguments.tracks, &arguments.truth, &arguments.options)?;
     let rows = |count: fn(&TargetReport) -> usize| report.targets.iter().map(count).sum::<usize>();
     if !arguments.options.interpolate && 2 * rows(|t| t.rows_without_truth) > rows(|t| t.rows) {
@@ -126,14 +142,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "almost all estimates are lost; if the tracks have a world frame of their own, add --align to move them onto the truth",
         );
     }
+    show(arguments, &report.to_json()?, &report.to_string())
+}
+
+/// Prints or writes a report, given as JSON and as text.
+fn show(arguments: &Arguments, json: &str, text: &str) -> Result<()> {
     if arguments.json.as_deref() == Some(Path::new("-")) {
-        print(report.to_json()?);
+        print(json);
         return Ok(());
     }
     if let Some(path) = &arguments.json {
-        write_file(path, (report.to_json()? + "\n").as_bytes())?;
+        write_file(path, format!("{json}\n").as_bytes())?;
     }
-    print(report.to_string().trim_end());
+    print(text.trim_end());
     Ok(())
 }
 

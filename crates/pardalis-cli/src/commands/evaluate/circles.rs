@@ -1,0 +1,605 @@
+//! Tracks against circles that somebody drew in images, in place of positions.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::shape::Stance;
+use pardalis::tracker::TrackState;
+use pardalis_camera::Pose;
+use pardalis_evaluate::{
+    Circle, CircleEvaluation, CircleSample, Distribution, ProjectedOutline, Sighting,
+    evaluate_circles,
+};
+use pardalis_scene::{CameraConfig, Scene, TargetConfig};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::Options;
+use crate::numbers::{counted, fixed};
+use crate::output::Shown;
+use crate::report::{CameraPoses, read_poses};
+use crate::results::{beside, folder_of, read_summary, scene_of};
+use crate::sight::Sight;
+use crate::tables::{Table, TrackRow, tracks_of};
+use crate::tracking::{CAMERAS, SUMMARY};
+use crate::user_error::user_error;
+
+/// The most frames that are listed.
+const LISTED: usize = 12;
+
+/// The image that somebody judged.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(crate) enum Image {
+    /// The number of the frame in the tracks.
+    Frame(usize),
+    /// Its time in seconds.
+    Time(f64),
+}
+
+/// The circles around one object in the images of one camera.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Circles {
+    pub(crate) object: String,
+    /// `None` if the table has no cameras.
+    pub(crate) camera: Option<String>,
+    /// The judged images, without a circle where the object is not in view.
+    pub(crate) images: Vec<(Image, Option<Circle>)>,
+}
+
+/// Reports whether a table has circles in place of positions.
+pub(super) fn has_circles(table: &Table) -> bool {
+    table.optional_column("radius_px").is_some() && table.optional_column("x_m").is_none()
+}
+
+/// Returns the circles in a table with the columns `frame` or `time_s`, `u_px`, `v_px` and `radius_px`; `object`, `camera` and `visible_fraction` are optional. Images whose
+/// `visible_fraction` is empty were not judged.
+pub(crate) fn circles_of(table: &Table) -> Result<Vec<Circles>> {
+    let frame = table.optional_column("frame");
+    let time = table.optional_column("time_s");
+    if frame.is_none() && time.is_none() {
+        return Err(user_error!(
+            "{}: circles need the column frame or time_s, which says in which image each is",
+            table.path().shown()
+        ));
+    }
+    let circle = table.columns(["u_px", "v_px", "radius_px"])?;
+    let [object, camera, visible] =
+        ["object", "camera", "visible_fraction"].map(|name| table.optional_column(name));
+    let mut all: Vec<Circles> = Vec::new();
+    // The line of each image, by the number of its series and the bits of its frame or time.
+    let mut lines = HashMap::new();
+    for row in table.rows() {
+        let image = match (frame, time) {
+            (Some(frame), _) => Image::Frame(row.count(frame)?),
+            (None, Some(time)) => Image::Time(row.numbers([time])?[0]),
+            (None, None) => continue,
+        };
+        let of = |column: Option<_>| column.map(|column| row.text(column)).transpose();
+        let name = of(object)?.unwrap_or("object");
+        let camera = of(camera)?;
+        let visible_fraction = row.fraction(visible)?;
+        let found = row.all_or_none(Some(circle))?;
+        if let Some([_, _, radius_px]) = found
+            && !(radius_px > 0.0)
+        {
+            return Err(user_error!(
+                "{}: radius_px is {radius_px}; allowed: above 0, or an empty circle where the object is not in view",
+                row.place()
+            ));
+        }
+        let is_same = |one: &Circles| one.object == name && one.camera.as_deref() == camera;
+        let series = all.iter().position(is_same).unwrap_or_else(|| {
+            all.push(Circles {
+                object: name.to_owned(),
+                camera: camera.map(str::to_owned),
+                images: Vec::new(),
+            });
+            all.len() - 1
+        });
+        let bits = match image {
+            Image::Frame(frame) => frame as u64,
+            Image::Time(time_s) => time_s.to_bits(),
+        };
+        if let Some(line) = lines.insert((series, bits), row.line) {
+            return Err(user_error!(
+                "{}: {name} already has a circle in this image in line {line}; allowed: one row an object, image and camera",
+                row.place()
+            ));
+        }
+        if visible.is_some() && visible_fraction.is_none() {
+            continue;
+        }
+        let circle = found.filter(|_| visible_fraction != Some(0.0));
+        let circle = circle.map(|[u_px, v_px, radius_px]| Circle {
+            center_px: [u_px, v_px],
+            radius_px,
+            visible_fraction,
+        });
+        all[series].images.push((image, circle));
+    }
+    Ok(all)
+}
+
+/// The results.
+#[derive(Debug, Serialize)]
+pub(crate) struct CircleReport {
+    /// The tracks.csv that was read.
+    tracks: PathBuf,
+    /// The table of circles.
+    circles: PathBuf,
+    /// The scene that has the cameras and the sizes.
+    scene: PathBuf,
+    visible_over: f64,
+    from_s: Option<f64>,
+    to_s: Option<f64>,
+    targets: Vec<TargetCircles>,
+    /// Objects without a target.
+    objects_without_target: Vec<String>,
+}
+
+/// A target compared with the circles of one camera.
+#[derive(Debug, Serialize)]
+struct TargetCircles {
+    target: String,
+    object: String,
+    camera: String,
+    /// Circles in images of which the tracks have no rows.
+    circles_without_rows: usize,
+    #[serde(flatten)]
+    figures: CircleEvaluation,
+    /// The images in which it is tracked on something else.
+    elsewhere_in: Vec<Image>,
+    /// Those in which the object is visible and the target not tracked on it or beside it.
+    missed_in: Vec<Image>,
+}
+
+/// Evaluates the tracks of a file against a table of circles.
+pub(super) fn score(tracks: &Path, table: &Table, options: &Options) -> Result<CircleReport> {
+    refuse_positions(options, table.path())?;
+    let all = circles_of(table)?;
+    let rows = Rows::read(tracks)?;
+    let (scene, path, summary, poses) = scene_beside(tracks)?;
+    let mut report = CircleReport {
+        tracks: tracks.to_owned(),
+        circles: table.path().to_owned(),
+        scene: path,
+        visible_over: options.visible_over,
+        from_s: options.from_s,
+        to_s: options.to_s,
+        targets: Vec::new(),
+        objects_without_target: Vec::new(),
+    };
+    let objects: Vec<&str> = all.iter().map(|one| &*one.object).collect();
+    for circles in &all {
+        let Some(target) = target_of(&circles.object, &objects, &scene, options) else {
+            if !report.objects_without_target.contains(&circles.object) {
+                report.objects_without_target.push(circles.object.clone());
+            }
+            continue;
+        };
+        let body = Body::of(target, &summary)?;
+        let camera = camera_of(circles, &scene, table.path())?;
+        let sees = Seen {
+            body: &body,
+            camera,
+            path: poses.get(&camera.name).map(|path| &**path),
+        };
+        report.targets.push(sees.compare(circles, &rows, options));
+    }
+    if report.targets.is_empty() {
+        let targets: Vec<&str> = scene.targets.iter().map(|target| &*target.name).collect();
+        return Err(user_error!(
+            "{}: none of its objects ({}) is a target ({}); name them alike, or pair them with --map TARGET=OBJECT",
+            table.path().shown(),
+            objects.join(", "),
+            targets.join(", ")
+        ));
+    }
+    if report
+        .targets
+        .iter()
+        .all(|target| target.figures.frames == 0)
+    {
+        return Err(user_error!(
+            "{}: none of its circles is in an image that {} has rows of; frames count as in its column frame",
+            table.path().shown(),
+            tracks.shown()
+        ));
+    }
+    Ok(report)
+}
+
+/// Rejects options that need positions.
+fn refuse_positions(options: &Options, circles: &Path) -> Result<()> {
+    let given = [
+        ("--align", options.align),
+        ("--interpolate", options.interpolate),
+        ("--around", options.around.is_some()),
+        ("--lost-beyond-m", options.lost_beyond_m.is_some()),
+        ("--diameter-m", options.diameter_m.is_some()),
+        ("--seen-by", options.seen_by.is_some()),
+        ("--crowd", !options.crowd.is_empty()),
+    ];
+    match given.into_iter().find(|(_, is_given)| *is_given) {
+        Some((name, _)) => Err(user_error!(
+            "{name}: {} has circles in images, and no positions; leave {name} out",
+            circles.shown()
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Returns the scene of results, its file, the summary, and where cameras were that move.
+fn scene_beside(tracks: &Path) -> Result<(Scene, PathBuf, Value, CameraPoses)> {
+    let needed = "circles are compared with what the cameras of the scene show";
+    let summary = read_summary(tracks)?.ok_or_else(|| {
+        user_error!(
+            "{}: there is none, but {needed}; keep it beside the tracks",
+            beside(tracks, SUMMARY).shown()
+        )
+    })?;
+    let (scene, path) = scene_of(&summary, &folder_of(tracks))
+        .map_err(|problem| user_error!("{}: {problem}, but {needed}", tracks.shown()))?;
+    let poses = beside(tracks, CAMERAS);
+    let poses = if poses.exists() {
+        read_poses(&poses)?
+    } else {
+        CameraPoses::new()
+    };
+    Ok((scene, path, summary, poses))
+}
+
+/// Returns the target that is compared with an object: as mapped, of the same name, or the only one if there is only one object.
+fn target_of<'s>(
+    object: &str,
+    objects: &[&str],
+    scene: &'s Scene,
+    options: &Options,
+) -> Option<&'s TargetConfig> {
+    let named = |name: &str| scene.targets.iter().find(|target| target.name == name);
+    let mapped = options.map.iter().find(|(_, of)| of == object);
+    if let Some((target, _)) = mapped {
+        return named(target);
+    }
+    let is_alone = objects.iter().all(|other| *other == object);
+    let only = match &scene.targets[..] {
+        [target] if is_alone => Some(target),
+        _ => None,
+    };
+    named(object).or(only)
+}
+
+/// Returns the camera whose images the circles are in.
+fn camera_of<'s>(circles: &Circles, scene: &'s Scene, path: &Path) -> Result<&'s CameraConfig> {
+    let cameras = &scene.cameras;
+    let names: Vec<&str> = cameras.iter().map(|camera| &*camera.name).collect();
+    match (&circles.camera, &cameras[..]) {
+        (None, [camera]) => Ok(camera),
+        (None, _) => Err(user_error!(
+            "{}: the scene has several cameras ({}); add a column camera",
+            path.shown(),
+            names.join(", ")
+        )),
+        (Some(name), _) => cameras
+            .iter()
+            .find(|camera| camera.name == *name)
+            .ok_or_else(|| {
+                user_error!(
+                    "{}: the scene has no camera {name}; it has {}",
+                    path.shown(),
+                    names.join(", ")
+                )
+            }),
+    }
+}
+
+/// The rows of the tracks by time.
+struct Rows {
+    /// The times of the frames, in seconds.
+    frames: BTreeMap<usize, f64>,
+    /// All times in ascending order.
+    times_s: Vec<f64>,
+    /// Two times that are nearer to each other are the same.
+    tolerance_s: f64,
+    /// The rows of each target by the bits of their times.
+    targets: HashMap<String, HashMap<u64, TrackRow>>,
+}
+
+impl Rows {
+    fn read(path: &Path) -> Result<Self> {
+        let table = Table::read(path)?;
+        let (time, mut frames) = (table.column("time_s")?, BTreeMap::new());
+        if let Some(frame) = table.optional_column("frame") {
+            for row in table.rows() {
+                frames.insert(row.count(frame)?, row.numbers([time])?[0]);
+            }
+        }
+        let tracks = tracks_of(&table)?;
+        let mut times_s: Vec<f64> = tracks
+            .iter()
+            .flat_map(|track| track.rows.iter().map(|row| row.0))
+            .collect();
+        times_s.sort_by(f64::total_cmp);
+        times_s.dedup();
+        let mut steps_s: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps_s.sort_by(f64::total_cmp);
+        let by_time = |rows: &[(f64, TrackRow)]| {
+            rows.iter()
+                .map(|(time_s, row)| (time_s.to_bits(), *row))
+                .collect()
+        };
+        let targets = tracks
+            .iter()
+            .map(|track| (track.name.clone(), by_time(&track.rows)));
+        Ok(Self {
+            frames,
+            tolerance_s: steps_s
+                .get(steps_s.len() / 2)
+                .map_or(0.0, |step_s| 0.5 * step_s),
+            targets: targets.collect(),
+            times_s,
+        })
+    }
+
+    /// Returns the time in the tracks of an image; `None` if they have none of it.
+    fn time_s(&self, image: Image) -> Option<f64> {
+        match image {
+            Image::Frame(frame) => self.frames.get(&frame).copied(),
+            Image::Time(time_s) => {
+                let after = self.times_s.partition_point(|known_s| *known_s < time_s);
+                let near = self.times_s[after.saturating_sub(1)..].iter().take(2);
+                let off_s = |known_s: &f64| (known_s - time_s).abs();
+                let nearest = near.min_by(|a, b| off_s(a).total_cmp(&off_s(b)));
+                nearest
+                    .copied()
+                    .filter(|known_s| off_s(known_s) <= self.tolerance_s)
+            }
+        }
+    }
+}
+
+/// A target that circles can be compared with.
+struct Body<'s> {
+    target: &'s TargetConfig,
+    /// Its size relative to the scene's, if the run estimated it.
+    scale: f64,
+}
+
+impl<'s> Body<'s> {
+    fn of(target: &'s TargetConfig, summary: &Value) -> Result<Self> {
+        let name = &target.name;
+        if target.crowd.is_some() || target.bodies.len() != 1 {
+            let what = if target.crowd.is_some() {
+                "is a crowd (count = \"any\")"
+            } else {
+                "has several landmarks"
+            };
+            return Err(user_error!(
+                "targets.{name} {what}: circles are compared with targets of one body only; leave its circles out"
+            ));
+        }
+        let radii = summary["targets"][name]["estimated_radii"].as_object();
+        let radius_m = radii.and_then(|radii| radii.values().next()?["radius_m"].as_f64());
+        let shape_m = 0.5 * target.bodies[0].shape.diameter_m();
+        Ok(Self {
+            target,
+            scale: radius_m.map_or(1.0, |radius_m| radius_m / shape_m),
+        })
+    }
+}
+
+/// A target in the images of a camera.
+struct Seen<'s> {
+    body: &'s Body<'s>,
+    camera: &'s CameraConfig,
+    /// Where the camera was, by times in seconds, if it moves.
+    path: Option<&'s [(f64, Pose)]>,
+}
+
+impl Seen<'_> {
+    fn compare(&self, circles: &Circles, rows: &Rows, options: &Options) -> TargetCircles {
+        let rows_of_target = rows.targets.get(&self.body.target.name);
+        let (mut samples, mut images, mut circles_without_rows) = (Vec::new(), Vec::new(), 0);
+        for &(image, circle) in &circles.images {
+            let Some(time_s) = rows.time_s(image) else {
+                circles_without_rows += 1;
+                continue;
+            };
+            let from_s = options.from_s.unwrap_or(f64::NEG_INFINITY);
+            if !(from_s..=options.to_s.unwrap_or(f64::INFINITY)).contains(&time_s) {
+                continue;
+            }
+            let row = rows_of_target.and_then(|rows| rows.get(&time_s.to_bits()));
+            let outline = row.and_then(|row| self.outline(row, time_s));
+            images.push(image);
+            samples.push(CircleSample { circle, outline });
+        }
+        let listed = |is_listed: &dyn Fn(&CircleSample) -> bool| {
+            let all = images.iter().zip(&samples);
+            let listed = all.filter(|(_, sample)| is_listed(sample));
+            listed.map(|(image, _)| *image).collect()
+        };
+        let is_missed = |sample: &CircleSample| {
+            sample.is_visible(options.visible_over) && sample.sighting() == Sighting::None
+        };
+        TargetCircles {
+            target: self.body.target.name.clone(),
+            object: circles.object.clone(),
+            camera: self.camera.name.clone(),
+            circles_without_rows,
+            figures: evaluate_circles(&samples, options.visible_over),
+            elsewhere_in: listed(&|sample| sample.sighting() == Sighting::Elsewhere),
+            missed_in: listed(&is_missed),
+        }
+    }
+
+    /// Returns what the camera shows of a target that is tracked.
+    fn outline(&self, row: &TrackRow, time_s: f64) -> Option<ProjectedOutline> {
+        let is_tracked = row.state.is_none_or(|state| state == TrackState::Tracking);
+        let estimate = row.estimate.filter(|_| is_tracked)?;
+        let stance = Stance {
+            yaw_rad: estimate.heading_rad.unwrap_or(0.0),
+            ..Stance::scaled(self.body.scale)
+        };
+        let pose = self.pose(time_s).inverse();
+        let shape = &self.body.target.bodies[0].shape;
+        let sight = Sight::by(
+            (&self.camera.camera, &pose),
+            shape,
+            estimate.position_m,
+            stance,
+        );
+        Some(ProjectedOutline {
+            center_px: sight
+                .as_ref()
+                .map_or([f64::INFINITY; 2], |sight| sight.outline_center_px),
+            radius_px: sight.map_or(0.0, |sight| sight.radius_px),
+            confidence: row.confidence,
+        })
+    }
+
+    /// Returns the pose of the camera in the world.
+    fn pose(&self, time_s: f64) -> Pose {
+        let Some(path) = self.path.filter(|path| !path.is_empty()) else {
+            return self.camera.world_from_camera;
+        };
+        let after = path.partition_point(|(at_s, _)| *at_s < time_s);
+        path[after.min(path.len() - 1)].1
+    }
+}
+
+impl CircleReport {
+    /// Returns the results as JSON with unit-suffixed keys, without a final line feed.
+    pub(super) fn to_json(&self) -> Result<String> {
+        Ok(serde_json::to_string_pretty(self)?)
+    }
+}
+
+impl fmt::Display for CircleReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "tracks   {}", self.tracks.shown())?;
+        writeln!(f, "circles  {}", self.circles.shown())?;
+        writeln!(f, "scene    {}", self.scene.shown())?;
+        writeln!(
+            f,
+            "visible  more than {} of the object in view; on the object: tracked within one radius of it; on something else: beyond 1.5 radii, or while it is not in view",
+            self.visible_over
+        )?;
+        for target in &self.targets {
+            writeln!(f)?;
+            target.fmt(f)?;
+        }
+        if !self.objects_without_target.is_empty() {
+            let names = self.objects_without_target.join(", ");
+            writeln!(f, "\nobjects without a target: {names}")?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for TargetCircles {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let figures = &self.figures;
+        writeln!(
+            f,
+            "target {} against object {} in the images of {}: {} judged, {} with the object visible",
+            self.target,
+            self.object,
+            self.camera,
+            counted(figures.frames as u64, "image"),
+            figures.visible_frames
+        )?;
+        if self.circles_without_rows > 0 {
+            let circles = counted(self.circles_without_rows as u64, "row");
+            writeln!(
+                f,
+                "  {circles} of circles have no row in the tracks and do not count"
+            )?;
+        }
+        let mut line = |label: &str, value: String, note: &str| {
+            let line = format!("  {label:<44} {value:>9}  {note}");
+            writeln!(f, "{}", line.trim_end())
+        };
+        let none = || "-".to_owned();
+        let percent = |share: Option<f64>| {
+            share.map_or_else(none, |share| format!("{} %", fixed(100.0 * share, 1)))
+        };
+        let of = |count: usize, of: usize, what: &str| format!("{count} of {of} {what}");
+        let (seen, all) = (figures.visible_frames, figures.frames);
+        line(
+            "on the object",
+            percent(figures.on_object_share),
+            &of(figures.on_object_frames, seen, "visible"),
+        )?;
+        line(
+            "on something else",
+            percent(figures.elsewhere_share),
+            &of(figures.elsewhere_frames, all, "judged"),
+        )?;
+        let shown = |values: &Option<Distribution>, of: fn(&Distribution) -> f64, digits| {
+            values
+                .as_ref()
+                .map_or_else(none, |values| fixed(of(values), digits))
+        };
+        let (radii, px) = (&figures.center_error_radii, &figures.center_error_px);
+        let share = |values: &Option<Distribution>, of: fn(&Distribution) -> f64| {
+            percent(values.as_ref().map(of))
+        };
+        line(
+            "center error, median, of the radius",
+            share(radii, |d| d.median),
+            "",
+        )?;
+        line("    95 % are below", share(radii, |d| d.p95), "")?;
+        line("center error, median, px", shown(px, |d| d.median, 2), "")?;
+        line(
+            "radius, of the circle's, median",
+            share(&figures.radius_ratio, |d| d.median),
+            "",
+        )?;
+        let confidence = |value: Option<f64>| value.map_or_else(none, |value| fixed(value, 2));
+        line(
+            "confidence on the object, mean",
+            confidence(figures.confidence_on_object),
+            "",
+        )?;
+        line(
+            "    on something else",
+            confidence(figures.confidence_elsewhere),
+            "",
+        )?;
+        for (label, images) in [
+            ("on something else in", &self.elsewhere_in),
+            ("visible, not tracked in", &self.missed_in),
+        ] {
+            if !images.is_empty() {
+                writeln!(f, "  {label} {}", list(images))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Names images.
+fn list(images: &[Image]) -> String {
+    let name = |image: &Image| match image {
+        Image::Frame(frame) => frame.to_string(),
+        Image::Time(time_s) => format!("{time_s} s"),
+    };
+    let names: Vec<String> = images.iter().take(LISTED).map(name).collect();
+    let what = match images.first() {
+        Some(Image::Frame(_)) if images.len() == 1 => "frame ",
+        Some(Image::Frame(_)) => "frames ",
+        _ => "",
+    };
+    let more = images.len().saturating_sub(LISTED);
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
+    format!("{what}{}{more}", names.join(", "))
+}
