@@ -156,6 +156,19 @@ def test_recordings_and_truths(scene, tmp_path, monkeypatch):
     assert "gone.mp4" in batch.failures["plain.gone.1"]
 
 
+def test_circles_in_place_of_positions(scene, tmp_path):
+    truth = pandas.read_csv(scene.with_name("truth.csv"))
+    circles = truth[["frame", "object", "u_px", "v_px"]].assign(radius_px=8.0)
+    # In the last frame the label is on something else, and the one before was not judged.
+    circles.loc[circles.index[-1], "u_px"] += 30
+    circles.drop(circles.index[-2]).to_csv(tmp_path / "circles.csv", index=False)
+    pardalis.batch.run(scene, tmp_path / "out", truths={"scene": tmp_path / "circles.csv"})
+    [ball] = items(tmp_path / "out").itertuples()
+    judged = len(circles) - 1
+    assert (ball.status, ball.on_object_share, ball.elsewhere_share) == ("done", (judged - 1) / judged, 1 / judged)
+    assert np.isnan(ball.coverage) and np.isnan(ball.position_rmse_m)
+
+
 def test_platforms_move_as_in_the_recording(scene, tmp_path):
     # Without a start, which would be in the world. The camera's own pose is that on the platform.
     text = scene.read_text().split("motion.")[0].replace("[cameras.cam1]", '[cameras.cam1]\nplatform = "robot"')

@@ -226,6 +226,8 @@ def evaluate(
 ) -> dict[str, Any]:
     """Compare tracks with the truth, a file or the folder that holds truth.csv, and return errors and other figures.
 
+    The truth may be a table of circles that were drawn around the object in some images.
+
     `options` are those of `pardalis evaluate`, such as `"--interpolate"` or `"--from=2.0"`.
     """
     folder = tracks.folder if isinstance(tracks, Tracks) else tracks

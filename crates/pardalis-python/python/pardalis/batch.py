@@ -49,6 +49,7 @@ _ITEM_COLUMNS = (
     ("whole", ("lost_frames",)),
     ("number", ("position_rmse_m", "position_median_m", "position_max_m", "gospa_m")),
     ("whole", ("switches",)),
+    ("number", ("on_object_share", "elsewhere_share")),
 )
 # How long an interrupted run waits for its items to end.
 _STOP_S = 10.0
@@ -382,11 +383,22 @@ def _row(target: str, states: Mapping[str, int], figures: Mapping[str, Any]) -> 
     for crowd in figures.get("crowds", ()):
         if crowd["crowd"] == target:
             return row | {name: crowd[name] for name in ("gospa_m", "switches")}
-    for compared in figures.get("targets", ()):
-        if compared["target"] == target:
-            errors = compared["all"]["errors"]["position_m"]
-            row |= {f"position_{name}_m": errors[name] for name in ("rmse", "median", "max")}
-            row |= {name: compared[name] for name in ("coverage", "lost_frames")}
+    compared_targets = [compared for compared in figures.get("targets", ()) if compared["target"] == target]
+    if "circles" in figures:
+        # One for each camera.
+        sums = {
+            name: sum(compared[f"{name}_frames"] for compared in compared_targets) for name in ("on_object", "visible", "elsewhere")
+        }
+        frames = sum(compared["frames"] for compared in compared_targets)
+        if sums["visible"] > 0:
+            row["on_object_share"] = sums["on_object"] / sums["visible"]
+        if frames > 0:
+            row["elsewhere_share"] = sums["elsewhere"] / frames
+        return row
+    for compared in compared_targets:
+        errors = compared["all"]["errors"]["position_m"]
+        row |= {f"position_{name}_m": errors[name] for name in ("rmse", "median", "max")}
+        row |= {name: compared[name] for name in ("coverage", "lost_frames")}
     return row
 
 

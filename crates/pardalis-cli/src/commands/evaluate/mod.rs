@@ -119,8 +119,11 @@ impl Default for Options {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let truth = Table::read(&file_in(&arguments.truth, "truth.csv"))?;
-    if circles::has_circles(&truth) {
+    // If it cannot be read, that is reported where it is needed.
+    let truth = Table::read(&file_in(&arguments.truth, "truth.csv"));
+    if let Ok(truth) = truth
+        && circles::has_circles(&truth)
+    {
         let tracks = file_in(&arguments.tracks, "tracks.csv");
         let report = circles::score(&tracks, &truth, &arguments.options)?;
         return show(arguments, &report.to_json()?, &report.to_string());
