@@ -45,6 +45,8 @@ pub(crate) struct TrackRow {
     pub(crate) estimate: Option<EstimatedState>,
     /// 0 to 1; `None` if the track does not state it.
     pub(crate) confidence: Option<f64>,
+    /// The estimated radius of a ball, in metres; `None` if it was not estimated.
+    pub(crate) radius_m: Option<f64>,
 }
 
 /// Reads `tracks.csv` and returns the rows of each target, in order of appearance.
@@ -66,6 +68,7 @@ pub(crate) fn tracks_of(table: &Table) -> Result<Vec<Series<TrackRow>>> {
     let covariance = table.optional_columns(COVARIANCE);
     let velocity_covariance = table.optional_columns(VELOCITY_COVARIANCE);
     let confidence = table.optional_column("confidence");
+    let radius = table.optional_column("radius_m");
     let mut tracks = Collector::default();
     for row in table.rows() {
         let best_position_m = row.all_or_none(best)?;
@@ -87,6 +90,7 @@ pub(crate) fn tracks_of(table: &Table) -> Result<Vec<Series<TrackRow>>> {
             state: row.state(state)?,
             estimate,
             confidence: row.fraction(confidence)?,
+            radius_m: row.optional_number(radius)?,
         };
         let (name, time_s) = (row.text(target)?, row.number(time)?);
         if let Some((_, first_line)) = tracks.add(name, time_s, (found, row.line)) {

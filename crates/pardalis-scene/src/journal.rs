@@ -134,8 +134,8 @@ impl Journal {
                 message => {
                     let mut message = message.replace('\n', ", ");
                     let line = line_at(text, offset);
-                    if !line.is_empty() && line.len() <= MAX_QUOTED {
-                        message = format!("`{line}` is no TOML: {message}");
+                    if !line.is_empty() && line.chars().count() <= MAX_QUOTED {
+                        message = format!("at `{line}`: {message}");
                     }
                     if is_decimal_comma(text, offset) {
                         message += "; use a decimal point instead of the comma";

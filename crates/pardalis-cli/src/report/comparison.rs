@@ -321,6 +321,7 @@ mod tests {
             let row = TrackRow {
                 state: None,
                 estimate,
+                radius_m: None,
                 confidence: Some(if x_m.is_some() { 0.9 } else { 0.3 }),
             };
             (time_s, row)

@@ -17,9 +17,7 @@ use crate::files::write_file;
 #[cfg(feature = "studio")]
 pub(crate) use comparison::settings;
 pub(crate) use comparison::{Compared, Comparison, compare};
-#[cfg(any(test, feature = "fuzz"))]
-pub(crate) use poses::poses_of;
-pub(crate) use poses::{CameraPoses, read_poses};
+pub(crate) use poses::{CameraPoses, poses_of, read_poses};
 pub(crate) use scene::{PageCamera, PageScene};
 
 /// The pages that `track --report` and `view` write among the results.

@@ -3,8 +3,9 @@
 use anyhow::Result;
 use pardalis::TargetId;
 use pardalis::tracker::{TrackState, Verdict};
-use pardalis_scene::Scene;
+use pardalis_scene::{BodyConfig, Scene, TargetConfig, TrackingConfig};
 
+use super::missed::Ranges;
 use super::{Instant, Sink};
 
 /// Below this confidence a row is more likely wrong than right.
@@ -13,58 +14,83 @@ const DOUBTFUL: f64 = 0.5;
 /// A smaller share of the tracked rows needs no advice. Hand-set: on real clips with a single ball, a rival is in up to 8 % of them, and in 10 to 24 % where other things look like it.
 const WORTH_MENTIONING: f64 = 0.1;
 
-/// Counts, for each target that is no crowd, the rows in which it is tracked and that are in doubt.
+/// Counts, for each target, the rows in which it is tracked and that are in doubt. `None` for crowds, and for targets that are followed from a start, whose confidence does not say whether they are
+/// there.
 pub(crate) struct Doubts {
     targets: Vec<Option<Counts>>,
 }
 
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 struct Counts {
     tracked: usize,
-    doubtful: usize,
-    with_rival: usize,
+    doubtful: Doubted,
+    with_rival: Doubted,
+}
+
+/// The frames of one kind of doubt.
+#[derive(Debug, Clone, Default)]
+struct Doubted {
+    count: usize,
+    frames: Ranges,
 }
 
 impl Doubts {
     /// Counts those of the targets of a scene.
     pub(super) fn of(scene: &Scene) -> Self {
-        let targets = scene.targets.iter();
-        let counts = |crowd: Option<usize>| crowd.is_none().then(Counts::default);
+        let is_started =
+            |body: &BodyConfig| matches!(body.tracking, TrackingConfig::Initialized { .. });
+        let counts = |target: &TargetConfig| {
+            let is_found = target.crowd.is_none() && !target.bodies.iter().any(is_started);
+            is_found.then(Counts::default)
+        };
         Self {
-            targets: targets.map(|target| counts(target.crowd)).collect(),
+            targets: scene.targets.iter().map(counts).collect(),
         }
     }
 
     /// Says what is doubtful about the rows in which a target is tracked, and what to do, one per line.
     pub(crate) fn lines(&self, target: usize) -> Vec<String> {
-        self.targets[target].map_or_else(Vec::new, |counts| counts.lines())
+        let counts = self.targets[target].as_ref();
+        counts.map_or_else(Vec::new, Counts::lines)
+    }
+}
+
+impl Doubted {
+    fn add(&mut self, frame: usize) {
+        self.count += 1;
+        self.frames.add(frame, None);
+    }
+
+    /// Names the frames.
+    fn shown(&self) -> String {
+        let frames = match self.count {
+            1 => "tracked frame",
+            _ => "tracked frames",
+        };
+        format!("in {} {frames} ({})", self.count, self.frames)
     }
 }
 
 impl Counts {
     fn lines(&self) -> Vec<String> {
-        let of_them = |count: usize| match count {
-            1 => "one of the tracked frames".to_owned(),
-            count => format!("{count} of the tracked frames"),
-        };
         let is_frequent =
-            |count: usize| count as f64 >= WORTH_MENTIONING * (self.tracked.max(1)) as f64;
+            |of: &Doubted| of.count as f64 >= WORTH_MENTIONING * self.tracked.max(1) as f64;
         let mut lines = Vec::new();
-        if self.doubtful > 0 {
-            let advice = if is_frequent(self.doubtful) {
+        if self.doubtful.count > 0 {
+            let advice = if is_frequent(&self.doubtful) {
                 ": look at them with --annotate; if something else is tracked, see docs/troubleshooting.md"
             } else {
                 ""
             };
+            let frames = self.doubtful.shown();
             lines.push(format!(
-                "in {} the confidence is below {DOUBTFUL}{advice}",
-                of_them(self.doubtful)
+                "{frames} the confidence is below {DOUBTFUL}{advice}"
             ));
         }
-        if is_frequent(self.with_rival) {
+        if is_frequent(&self.with_rival) {
+            let frames = self.with_rival.shown();
             lines.push(format!(
-                "in {} something else looked as much like it (rival): if there are several such objects, give the scene one target for each, or count = \"any\" (docs/crowds.md)",
-                of_them(self.with_rival)
+                "{frames} something else looked as much like it (rival): if there are several such objects, give the scene one target for each, or count = \"any\" (docs/crowds.md)"
             ));
         }
         lines
@@ -90,8 +116,12 @@ impl Sink for Doubts {
                 _ => false,
             };
             counts.tracked += 1;
-            counts.doubtful += usize::from(one.estimate.confidence < DOUBTFUL);
-            counts.with_rival += usize::from(has_rival);
+            if one.estimate.confidence < DOUBTFUL {
+                counts.doubtful.add(instant.index);
+            }
+            if has_rival {
+                counts.with_rival.add(instant.index);
+            }
         }
         Ok(())
     }
@@ -103,23 +133,28 @@ mod tests {
 
     #[test]
     fn what_is_rare_gets_no_advice() {
-        let counts = |doubtful, with_rival| Counts {
-            tracked: 100,
-            doubtful,
-            with_rival,
+        let counts = |doubtful: std::ops::Range<usize>, with_rival: std::ops::Range<usize>| {
+            let mut counts = Counts {
+                tracked: 100,
+                ..Counts::default()
+            };
+            doubtful.for_each(|frame| counts.doubtful.add(frame));
+            with_rival.for_each(|frame| counts.with_rival.add(frame));
+            counts
         };
-        assert!(counts(0, 9).lines().is_empty());
+        assert!(counts(0..0, 0..9).lines().is_empty());
         assert_eq!(
-            counts(1, 0).lines(),
-            ["in one of the tracked frames the confidence is below 0.5"]
+            counts(7..8, 0..0).lines(),
+            ["in 1 tracked frame (7) the confidence is below 0.5"]
         );
-        let [doubtful, rival] = &counts(10, 10).lines()[..] else {
+        let [doubtful, rival] = &counts(10..20, 30..40).lines()[..] else {
             panic!("both are mentioned");
         };
-        assert!(
-            doubtful.starts_with("in 10 of the tracked frames the confidence is below 0.5: look")
-        );
-        assert!(rival.contains("(rival): if there are several such objects"));
+        let wanted = "in 10 tracked frames (10 to 19) the confidence is below 0.5: look";
+        assert!(doubtful.starts_with(wanted), "{doubtful}");
+        let wanted =
+            "in 10 tracked frames (30 to 39) something else looked as much like it (rival): if";
+        assert!(rival.starts_with(wanted), "{rival}");
         assert!(Counts::default().lines().is_empty());
     }
 }

@@ -51,7 +51,7 @@ impl Kind {
 
 /// Where a target has left the images.
 #[derive(Debug, Clone, Copy)]
-struct Exit {
+pub(super) struct Exit {
     /// The camera whose image it is nearest to.
     camera: usize,
     /// The side of this image; `None` if it left the domain of the camera's model.
@@ -60,9 +60,9 @@ struct Exit {
     seen: Option<usize>,
 }
 
-/// The first ranges of frames without a target, each with where the target was out of the images before, and the number of further ones.
+/// The first ranges of frames, such as those without a target, each with where the target was out of the images before, and the number of further ones.
 #[derive(Debug, Clone, Default)]
-struct Ranges {
+pub(super) struct Ranges {
     first: Vec<([usize; 2], Option<Exit>)>,
     more: usize,
     /// The last frame of the last range.
@@ -70,7 +70,7 @@ struct Ranges {
 }
 
 impl Ranges {
-    fn add(&mut self, frame: usize, exit: Option<Exit>) {
+    pub(super) fn add(&mut self, frame: usize, exit: Option<Exit>) {
         let continues = self.last.is_some_and(|last| last + 1 == frame);
         self.last = Some(frame);
         if !continues && self.first.len() == REPORTED_RANGES {
@@ -286,11 +286,11 @@ pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict
     Ok(Verdict::ALL.into_iter().rev().filter(is_reason).collect())
 }
 
-/// Returns what ruled out the candidate of a target that is nearest to a pixel of a camera's latest image, among those around which it lies; [`Verdict::NoColors`] if there is none.
-/// `None` without any candidate.
+/// Returns what ruled out the candidate of a target that is nearest to a pixel of a camera's latest image, among those around which it lies. If there is none, nothing there has its
+/// colours, or, of a target that `is_boxed`, there is no box. `None` without any candidate.
 pub(crate) fn reason_at(
     tracker: &Tracker,
-    target: TargetId,
+    (target, is_boxed): (TargetId, bool),
     (camera, pixel): (usize, [f64; 2]),
 ) -> Result<Option<Verdict>> {
     let candidates = ruled_out(tracker, target)?;
@@ -308,7 +308,12 @@ pub(crate) fn reason_at(
     });
     // Of several at one place that which came nearest to being the target.
     let nearest = nearest.min_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
-    let nothing = (!candidates.is_empty()).then_some(Verdict::NoColors);
+    let nothing = if is_boxed {
+        Verdict::NoBox
+    } else {
+        Verdict::NoColors
+    };
+    let nothing = (!candidates.is_empty()).then_some(nothing);
     Ok(nearest.map(|(_, verdict)| verdict).or(nothing))
 }
 

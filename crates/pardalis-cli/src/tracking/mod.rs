@@ -339,7 +339,7 @@ pub(crate) fn run_steps(
                     "targets.{name}: cannot be smoothed, and its rows are those of the filter: only targets of one body that are detected can"
                 ));
             }
-            if let Some(warning) = smoothed::guesses_warning(&open.scene) {
+            if let Some(warning) = smoothed.guesses_warning(&open.scene) {
                 warn(warning);
             }
             files.extend(smoothed.write(folder)?);

@@ -48,30 +48,6 @@ pub(super) struct SmoothedTracks {
     contacts: Vec<(Key, Vec<Contact>)>,
 }
 
-/// Warns of guesses that falsify gravity, of which smoothing makes flights and contacts.
-pub(super) fn guesses_warning(scene: &Scene) -> Option<String> {
-    let matters = |key: &&String| {
-        let parts: Vec<&str> = key.split('.').collect();
-        matches!(
-            parts[..],
-            ["cameras", _, "world_from_camera" | "model", ..] | ["targets", _, "shape", ..]
-        )
-    };
-    let guessed: Vec<&str> = scene
-        .guesses
-        .iter()
-        .filter(matters)
-        .map(String::as_str)
-        .collect();
-    (!guessed.is_empty()).then(|| {
-        format!(
-            "--smooth: gravity acts along -z of the world, in metres, but {} {} guessed: some contacts in {EVENTS} may be none, and some may be missing",
-            guessed.join(", "),
-            if guessed.len() == 1 { "is" } else { "are" }
-        )
-    })
-}
-
 /// Returns how a target may move; targets that cannot be smoothed as by default.
 fn mode_settings(target: &TargetConfig) -> ModeSettings {
     match target.bodies.first().map(|body| &body.tracking) {
@@ -145,6 +121,30 @@ impl SmoothedTracks {
         };
         let rough = self.rows.iter().filter(|(_, rows)| is_rough(rows));
         rough.map(|(key, _)| self.name(*key)).collect()
+    }
+
+    /// Warns of guesses that falsify gravity, of which flights and contacts are made, if a target was smoothed that may fly.
+    pub(super) fn guesses_warning(&self, scene: &Scene) -> Option<String> {
+        let matters = |key: &&String| {
+            let parts: Vec<&str> = key.split('.').collect();
+            matches!(
+                parts[..],
+                ["cameras", _, "world_from_camera" | "model", ..] | ["targets", _, "shape", ..]
+            )
+        };
+        let guessed: Vec<&str> =
+            (scene.guesses.iter().filter(matters).map(String::as_str)).collect();
+        let may_fly = self.rows.iter().any(|((target, _), rows)| {
+            let is_smoothed = rows.iter().any(|row| row.measurement.is_some());
+            is_smoothed && !mode_settings(&self.targets[*target]).is_planar
+        });
+        (may_fly && !guessed.is_empty()).then(|| {
+            format!(
+                "--smooth: whether a target flies, bounces or is thrown depends on gravity, which acts along -z of the world, but {} {} guessed: contacts in {EVENTS} may be spurious, and others missing",
+                guessed.join(", "),
+                if guessed.len() == 1 { "is" } else { "are" }
+            )
+        })
     }
 
     /// Returns the text of events.csv.

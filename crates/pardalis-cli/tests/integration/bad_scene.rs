@@ -328,7 +328,7 @@ fn files_that_are_not_scenes_are_rejected() {
     ]);
     for (number, has_remedy) in [("0,11", true), ("0.11 1", false)] {
         let run = place.track(scene_with("0.11\n", &format!("{number}\n")));
-        let quoted = format!("line 8: `shape.sphere.radius_m = {number}` is no TOML: ");
+        let quoted = format!("line 8: at `shape.sphere.radius_m = {number}`: ");
         run.refused(&[&format!("scene.toml: a problem in the scene:\n  {quoted}")]);
         let remedy = "; use a decimal point instead of the comma\n";
         assert_eq!(run.stderr.ends_with(remedy), has_remedy, "{}", run.stderr);

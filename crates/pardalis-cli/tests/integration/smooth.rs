@@ -124,7 +124,7 @@ fn contacts_depend_on_what_the_scene_says_and_does_not_know() {
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let without = contacts(&place);
     assert!(without < usual, "{without} of {usual}");
-    let warning = "warning: --smooth: gravity acts along -z of the world, in metres, but cameras.cam1.world_from_camera is guessed";
+    let warning = "gravity, which acts along -z of the world, but cameras.cam1.world_from_camera is guessed: contacts in events.csv may be";
     assert!(run.stderr.contains(warning), "{}", run.stderr);
 }
 

@@ -1,6 +1,6 @@
 //! Tracks against circles that somebody drew in images, in place of positions.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -17,14 +17,18 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::Options;
+use super::pairing::place;
 use crate::numbers::{counted, fixed};
 use crate::output::Shown;
-use crate::report::{CameraPoses, read_poses};
+use crate::report::{CameraPoses, poses_of};
 use crate::results::{beside, folder_of, read_summary, scene_of};
 use crate::sight::Sight;
 use crate::tables::{Table, TrackRow, tracks_of};
 use crate::tracking::{CAMERAS, SUMMARY};
 use crate::user_error::user_error;
+
+/// A circle is in the image whose time differs by less than this share of the time between two. Hand-set: enough for times that were rounded to milliseconds.
+const TOLERANCE: f64 = 0.1;
 
 /// The most frames that are listed.
 const LISTED: usize = 12;
@@ -54,7 +58,7 @@ pub(super) fn has_circles(table: &Table) -> bool {
     table.optional_column("radius_px").is_some() && table.optional_column("x_m").is_none()
 }
 
-/// Returns the circles in a table with the columns `frame` or `time_s`, `u_px`, `v_px` and `radius_px`; `object`, `camera` and `visible_fraction` are optional. Images whose
+/// Returns the circles in a table with the columns `time_s` or `frame`, `u_px`, `v_px` and `radius_px`; `object`, `camera` and `visible_fraction` are optional. Images whose
 /// `visible_fraction` is empty were not judged.
 pub(crate) fn circles_of(table: &Table) -> Result<Vec<Circles>> {
     let frame = table.optional_column("frame");
@@ -72,9 +76,10 @@ pub(crate) fn circles_of(table: &Table) -> Result<Vec<Circles>> {
     // The line of each image, by the number of its series and the bits of its frame or time.
     let mut lines = HashMap::new();
     for row in table.rows() {
-        let image = match (frame, time) {
-            (Some(frame), _) => Image::Frame(row.count(frame)?),
-            (None, Some(time)) => Image::Time(row.numbers([time])?[0]),
+        // Times stay right if the scene leaves out frames.
+        let image = match (time, frame) {
+            (Some(time), _) => Image::Time(row.numbers([time])?[0]),
+            (None, Some(frame)) => Image::Frame(row.count(frame)?),
             (None, None) => continue,
         };
         let of = |column: Option<_>| column.map(|column| row.text(column)).transpose();
@@ -101,7 +106,8 @@ pub(crate) fn circles_of(table: &Table) -> Result<Vec<Circles>> {
         });
         let bits = match image {
             Image::Frame(frame) => frame as u64,
-            Image::Time(time_s) => time_s.to_bits(),
+            // Without minus zero.
+            Image::Time(time_s) => (time_s + 0.0).to_bits(),
         };
         if let Some(line) = lines.insert((series, bits), row.line) {
             return Err(user_error!(
@@ -146,22 +152,25 @@ struct TargetCircles {
     target: String,
     object: String,
     camera: String,
-    /// Circles in images of which the tracks have no rows.
+    /// Rows of circles in images of which the tracks have no rows.
     circles_without_rows: usize,
     #[serde(flatten)]
     figures: CircleEvaluation,
     /// The images in which it is tracked on something else.
     elsewhere_in: Vec<Image>,
-    /// Those in which the object is visible and the target not tracked on it or beside it.
+    /// Those in which the object is visible and the target not tracked at all.
     missed_in: Vec<Image>,
 }
 
 /// Evaluates the tracks of a file against a table of circles.
 pub(super) fn score(tracks: &Path, table: &Table, options: &Options) -> Result<CircleReport> {
     refuse_positions(options, table.path())?;
-    let all = circles_of(table)?;
     let rows = Rows::read(tracks)?;
-    let (scene, path, summary, poses) = scene_beside(tracks)?;
+    let all = circles_of(table)?;
+    let (scene, path, poses) = scene_beside(tracks)?;
+    let objects: Vec<&str> = all.iter().map(|one| &*one.object).collect();
+    let targets: Vec<&str> = scene.targets.iter().map(|target| &*target.name).collect();
+    check_map(&options.map, (&targets, &path), (&objects, table.path()))?;
     let mut report = CircleReport {
         tracks: tracks.to_owned(),
         circles: table.path().to_owned(),
@@ -172,28 +181,48 @@ pub(super) fn score(tracks: &Path, table: &Table, options: &Options) -> Result<C
         targets: Vec::new(),
         objects_without_target: Vec::new(),
     };
-    let objects: Vec<&str> = all.iter().map(|one| &*one.object).collect();
     for circles in &all {
-        let Some(target) = target_of(&circles.object, &objects, &scene, options) else {
+        let Some(target) = target_of(&circles.object, &objects, &scene, &options.map) else {
             if !report.objects_without_target.contains(&circles.object) {
                 report.objects_without_target.push(circles.object.clone());
             }
             continue;
         };
-        let body = Body::of(target, &summary)?;
+        check_target(target)?;
         let camera = camera_of(circles, &scene, table.path())?;
+        let path = poses.get(&camera.name);
+        if camera.platform.is_some() && path.is_none() {
+            return Err(user_error!(
+                "{}: does not say where {} was, which is on a platform; keep this file beside the tracks",
+                beside(tracks, CAMERAS).shown(),
+                camera.name
+            ));
+        }
         let sees = Seen {
-            body: &body,
+            target,
             camera,
-            path: poses.get(&camera.name).map(|path| &**path),
+            path: path.map(|path| &**path),
         };
-        report.targets.push(sees.compare(circles, &rows, options));
+        let compared = sees.compare(circles, &rows, options);
+        report.targets.push(compared.map_err(|image| {
+            user_error!(
+                "{}: two circles of {} belong to the row of {}; allowed: one an image",
+                table.path().shown(),
+                circles.object,
+                list(&[image])
+            )
+        })?);
     }
+    check_judged(&report, (&objects, &targets))?;
+    Ok(report)
+}
+
+/// Rejects circles of which none counts.
+fn check_judged(report: &CircleReport, (objects, targets): (&[&str], &[&str])) -> Result<()> {
+    let (circles, tracks) = (report.circles.shown(), report.tracks.shown());
     if report.targets.is_empty() {
-        let targets: Vec<&str> = scene.targets.iter().map(|target| &*target.name).collect();
         return Err(user_error!(
-            "{}: none of its objects ({}) is a target ({}); name them alike, or pair them with --map TARGET=OBJECT",
-            table.path().shown(),
+            "{circles}: none of its objects ({}) is a target ({}); name them alike, or pair them with --map TARGET=OBJECT",
             objects.join(", "),
             targets.join(", ")
         ));
@@ -201,15 +230,22 @@ pub(super) fn score(tracks: &Path, table: &Table, options: &Options) -> Result<C
     if report
         .targets
         .iter()
-        .all(|target| target.figures.frames == 0)
+        .any(|target| target.figures.frames > 0)
+    {
+        return Ok(());
+    }
+    if report
+        .targets
+        .iter()
+        .any(|target| target.circles_without_rows > 0)
     {
         return Err(user_error!(
-            "{}: none of its circles is in an image that {} has rows of; frames count as in its column frame",
-            table.path().shown(),
-            tracks.shown()
+            "{circles}: none of its circles is in an image of which {tracks} has a row; frames and times are those of its columns frame and time_s"
         ));
     }
-    Ok(report)
+    Err(user_error!(
+        "{circles}: none of its images was judged, or lies between --from and --to; visible_fraction is empty in images that were not judged"
+    ))
 }
 
 /// Rejects options that need positions.
@@ -232,8 +268,8 @@ fn refuse_positions(options: &Options, circles: &Path) -> Result<()> {
     }
 }
 
-/// Returns the scene of results, its file, the summary, and where cameras were that move.
-fn scene_beside(tracks: &Path) -> Result<(Scene, PathBuf, Value, CameraPoses)> {
+/// Returns the scene of results, its file, and where cameras were that move.
+fn scene_beside(tracks: &Path) -> Result<(Scene, PathBuf, CameraPoses)> {
     let needed = "circles are compared with what the cameras of the scene show";
     let summary = read_summary(tracks)?.ok_or_else(|| {
         user_error!(
@@ -243,13 +279,37 @@ fn scene_beside(tracks: &Path) -> Result<(Scene, PathBuf, Value, CameraPoses)> {
     })?;
     let (scene, path) = scene_of(&summary, &folder_of(tracks))
         .map_err(|problem| user_error!("{}: {problem}, but {needed}", tracks.shown()))?;
+    if let Some(key) = changed_since(&scene, &summary) {
+        return Err(user_error!(
+            "{}: {key} has changed since {} was made, and {needed}; track again, or give the scene its earlier value",
+            path.shown(),
+            tracks.shown()
+        ));
+    }
     let poses = beside(tracks, CAMERAS);
     let poses = if poses.exists() {
-        read_poses(&poses)?
+        poses_of(&Table::read(&poses)?)?
     } else {
         CameraPoses::new()
     };
-    Ok((scene, path, summary, poses))
+    Ok((scene, path, poses))
+}
+
+/// Returns a key of the scene that matters here and differs from that of the summary.
+fn changed_since(scene: &Scene, summary: &Value) -> Option<String> {
+    let now = serde_json::to_value(&scene.resolved).ok()?;
+    let then = &summary["settings"];
+    let of_cameras = scene.cameras.iter().flat_map(|camera| {
+        ["model", "world_from_camera"].map(|key| ["cameras", &camera.name, key])
+    });
+    let of_targets = scene
+        .targets
+        .iter()
+        .map(|target| ["targets", &target.name, "shape"]);
+    let mut keys = of_cameras.chain(of_targets);
+    let value = |all: &Value, [table, name, key]: [&str; 3]| all[table][name][key].clone();
+    let changed = keys.find(|&key| value(&now, key) != value(then, key));
+    changed.map(|key| key.join("."))
 }
 
 /// Returns the target that is compared with an object: as mapped, of the same name, or the only one if there is only one object.
@@ -257,11 +317,10 @@ fn target_of<'s>(
     object: &str,
     objects: &[&str],
     scene: &'s Scene,
-    options: &Options,
+    map: &[(String, String)],
 ) -> Option<&'s TargetConfig> {
     let named = |name: &str| scene.targets.iter().find(|target| target.name == name);
-    let mapped = options.map.iter().find(|(_, of)| of == object);
-    if let Some((target, _)) = mapped {
+    if let Some((target, _)) = map.iter().find(|(_, of)| of == object) {
         return named(target);
     }
     let is_alone = objects.iter().all(|other| *other == object);
@@ -269,7 +328,33 @@ fn target_of<'s>(
         [target] if is_alone => Some(target),
         _ => None,
     };
-    named(object).or(only)
+    let is_mapped = |target: &&TargetConfig| map.iter().any(|(name, _)| *name == target.name);
+    named(object).or(only).filter(|target| !is_mapped(target))
+}
+
+/// Rejects pairs of names that do not exist or are given twice.
+fn check_map(
+    map: &[(String, String)],
+    (targets, scene): (&[&str], &Path),
+    (objects, circles): (&[&str], &Path),
+) -> Result<()> {
+    for (index, (target, object)) in map.iter().enumerate() {
+        let option = format!("--map {target}={object}");
+        place(&option, "target", target, targets, scene)?;
+        place(&option, "object", object, objects, circles)?;
+        let others = &map[..index];
+        if others.iter().any(|(other, _)| other == target) {
+            return Err(user_error!(
+                "{option}: target \"{target}\" is mapped twice; allowed: one object per target"
+            ));
+        }
+        if others.iter().any(|(_, other)| other == object) {
+            return Err(user_error!(
+                "{option}: object \"{object}\" is mapped twice; allowed: one target per object"
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Returns the camera whose images the circles are in.
@@ -302,7 +387,7 @@ struct Rows {
     frames: BTreeMap<usize, f64>,
     /// All times in ascending order.
     times_s: Vec<f64>,
-    /// Two times that are nearer to each other are the same.
+    /// Times that differ by less are the same.
     tolerance_s: f64,
     /// The rows of each target by the bits of their times.
     targets: HashMap<String, HashMap<u64, TrackRow>>,
@@ -338,7 +423,7 @@ impl Rows {
             frames,
             tolerance_s: steps_s
                 .get(steps_s.len() / 2)
-                .map_or(0.0, |step_s| 0.5 * step_s),
+                .map_or(0.0, |step_s| TOLERANCE * step_s),
             targets: targets.collect(),
             times_s,
         })
@@ -361,53 +446,48 @@ impl Rows {
     }
 }
 
-/// A target that circles can be compared with.
-struct Body<'s> {
-    target: &'s TargetConfig,
-    /// Its size relative to the scene's, if the run estimated it.
-    scale: f64,
-}
-
-impl<'s> Body<'s> {
-    fn of(target: &'s TargetConfig, summary: &Value) -> Result<Self> {
-        let name = &target.name;
-        if target.crowd.is_some() || target.bodies.len() != 1 {
-            let what = if target.crowd.is_some() {
-                "is a crowd (count = \"any\")"
-            } else {
-                "has several landmarks"
-            };
-            return Err(user_error!(
-                "targets.{name} {what}: circles are compared with targets of one body only; leave its circles out"
-            ));
-        }
-        let radii = summary["targets"][name]["estimated_radii"].as_object();
-        let radius_m = radii.and_then(|radii| radii.values().next()?["radius_m"].as_f64());
-        let shape_m = 0.5 * target.bodies[0].shape.diameter_m();
-        Ok(Self {
-            target,
-            scale: radius_m.map_or(1.0, |radius_m| radius_m / shape_m),
-        })
-    }
+/// Rejects a target that circles cannot be compared with.
+fn check_target(target: &TargetConfig) -> Result<()> {
+    let what = if target.crowd.is_some() {
+        "is a crowd (count = \"any\")"
+    } else if target.bodies.len() > 1 {
+        "has several landmarks"
+    } else {
+        return Ok(());
+    };
+    Err(user_error!(
+        "targets.{} {what}: circles are compared with targets of one body only; leave its circles out",
+        target.name
+    ))
 }
 
 /// A target in the images of a camera.
 struct Seen<'s> {
-    body: &'s Body<'s>,
+    target: &'s TargetConfig,
     camera: &'s CameraConfig,
     /// Where the camera was, by times in seconds, if it moves.
     path: Option<&'s [(f64, Pose)]>,
 }
 
 impl Seen<'_> {
-    fn compare(&self, circles: &Circles, rows: &Rows, options: &Options) -> TargetCircles {
-        let rows_of_target = rows.targets.get(&self.body.target.name);
+    /// Compares the target with circles. Returns the second image of two of which the tracks have only one row as an error.
+    fn compare(
+        &self,
+        circles: &Circles,
+        rows: &Rows,
+        options: &Options,
+    ) -> Result<TargetCircles, Image> {
+        let rows_of_target = rows.targets.get(&self.target.name);
         let (mut samples, mut images, mut circles_without_rows) = (Vec::new(), Vec::new(), 0);
+        let mut taken = HashSet::new();
         for &(image, circle) in &circles.images {
             let Some(time_s) = rows.time_s(image) else {
                 circles_without_rows += 1;
                 continue;
             };
+            if !taken.insert(time_s.to_bits()) {
+                return Err(image);
+            }
             let from_s = options.from_s.unwrap_or(f64::NEG_INFINITY);
             if !(from_s..=options.to_s.unwrap_or(f64::INFINITY)).contains(&time_s) {
                 continue;
@@ -425,27 +505,30 @@ impl Seen<'_> {
         let is_missed = |sample: &CircleSample| {
             sample.is_visible(options.visible_over) && sample.sighting() == Sighting::None
         };
-        TargetCircles {
-            target: self.body.target.name.clone(),
+        Ok(TargetCircles {
+            target: self.target.name.clone(),
             object: circles.object.clone(),
             camera: self.camera.name.clone(),
             circles_without_rows,
             figures: evaluate_circles(&samples, options.visible_over),
             elsewhere_in: listed(&|sample| sample.sighting() == Sighting::Elsewhere),
             missed_in: listed(&is_missed),
-        }
+        })
     }
 
     /// Returns what the camera shows of a target that is tracked.
     fn outline(&self, row: &TrackRow, time_s: f64) -> Option<ProjectedOutline> {
         let is_tracked = row.state.is_none_or(|state| state == TrackState::Tracking);
         let estimate = row.estimate.filter(|_| is_tracked)?;
+        let shape = &self.target.bodies[0].shape;
+        let scale = row
+            .radius_m
+            .map_or(1.0, |radius_m| 2.0 * radius_m / shape.diameter_m());
         let stance = Stance {
             yaw_rad: estimate.heading_rad.unwrap_or(0.0),
-            ..Stance::scaled(self.body.scale)
+            ..Stance::scaled(scale)
         };
-        let pose = self.pose(time_s).inverse();
-        let shape = &self.body.target.bodies[0].shape;
+        let pose = self.pose(time_s)?.inverse();
         let sight = Sight::by(
             (&self.camera.camera, &pose),
             shape,
@@ -461,13 +544,13 @@ impl Seen<'_> {
         })
     }
 
-    /// Returns the pose of the camera in the world.
-    fn pose(&self, time_s: f64) -> Pose {
-        let Some(path) = self.path.filter(|path| !path.is_empty()) else {
-            return self.camera.world_from_camera;
+    /// Returns the pose of the camera in the world; `None` if it was not known.
+    fn pose(&self, time_s: f64) -> Option<Pose> {
+        let Some(path) = self.path else {
+            return Some(self.camera.world_from_camera);
         };
-        let after = path.partition_point(|(at_s, _)| *at_s < time_s);
-        path[after.min(path.len() - 1)].1
+        let at = path.binary_search_by(|(at_s, _)| at_s.total_cmp(&time_s));
+        at.ok().map(|at| path[at].1)
     }
 }
 
@@ -513,11 +596,8 @@ impl fmt::Display for TargetCircles {
             figures.visible_frames
         )?;
         if self.circles_without_rows > 0 {
-            let circles = counted(self.circles_without_rows as u64, "row");
-            writeln!(
-                f,
-                "  {circles} of circles have no row in the tracks and do not count"
-            )?;
+            let images = counted(self.circles_without_rows as u64, "image");
+            writeln!(f, "  not counted: {images} of which the tracks have no row")?;
         }
         let mut line = |label: &str, value: String, note: &str| {
             let line = format!("  {label:<44} {value:>9}  {note}");
@@ -549,14 +629,14 @@ impl fmt::Display for TargetCircles {
             percent(values.as_ref().map(of))
         };
         line(
-            "center error, median, of the radius",
+            "distance of the centres, median, of the radius",
             share(radii, |d| d.median),
             "",
         )?;
         line("    95 % are below", share(radii, |d| d.p95), "")?;
-        line("center error, median, px", shown(px, |d| d.median, 2), "")?;
+        line("    median, px", shown(px, |d| d.median, 2), "")?;
         line(
-            "radius, of the circle's, median",
+            "radius relative to the circle's, median",
             share(&figures.radius_ratio, |d| d.median),
             "",
         )?;

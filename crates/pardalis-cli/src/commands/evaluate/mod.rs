@@ -38,7 +38,7 @@ pub(crate) use report::{CrowdReport, Point, Report, TargetReport};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis evaluate ball-tracks truth.csv              errors in metres, coverage, lost frames
-  pardalis evaluate ball-tracks circles.csv            the share of images in which it is on the ball
+  pardalis evaluate ball-tracks circles.csv            how often it is on the ball
   pardalis evaluate run7 truth.csv --json -            all figures as JSON")]
 pub(crate) struct Arguments {
     /// tracks.csv, or the folder that holds it

@@ -118,7 +118,13 @@ fn is_free(object_of: &[Option<(usize, MatchedBy)>], object: usize) -> bool {
 }
 
 /// Returns the index of a name given by the user.
-fn place(option: &str, kind: &str, name: &str, names: &[&str], path: &Path) -> Result<usize> {
+pub(super) fn place(
+    option: &str,
+    kind: &str,
+    name: &str,
+    names: &[&str],
+    path: &Path,
+) -> Result<usize> {
     names.iter().position(|n| *n == name).ok_or_else(|| {
         user_error!(
             "{option}: {} has no {kind} \"{name}\"; allowed: {}",

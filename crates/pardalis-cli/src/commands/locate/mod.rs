@@ -35,7 +35,7 @@ pub(crate) use starts::parse_pixel;
 /// velocities) and summary.json.
 ///
 /// Targets that are detected need no start, and a start does not guide their detection: if one is given, the line about
-/// the image says if the target was found farther from it than its diameter. If it was not found, the reason is that of what is at the click.
+/// the image says if the target was found farther from it than its diameter. If it was not found, the line says what ruled out the thing at that place.
 ///
 /// For each image it prints the position with its standard deviations and the confidence, or why a target was not found
 /// (docs/not-found.md).
@@ -226,7 +226,7 @@ pub(crate) fn locate(
             let id = TargetId::new(number);
             let click = starts.click(number, frame);
             let reason = match click {
-                Some(click) => missed::reason_at(tracker, id, click)?,
+                Some(click) => missed::reason_at(tracker, (id, missed::is_boxed(target)), click)?,
                 None => missed::reasons(tracker, id)?.first().copied(),
             };
             let far = estimate.kinematics.and_then(|found| {
