@@ -1,12 +1,14 @@
 //! Crowds: any number of targets that look alike.
 
+use pardalis::camera::Pose;
 use pardalis::color::YuvEncoding;
 use pardalis::filter::gaussian::GaussianStart;
-use pardalis::tracker::{TargetSettings, TrackState};
+use pardalis::tracker::{Origin, TargetSettings, TrackState};
 use pardalis::view::View;
 use pardalis::{CameraId, FrameSet, PixelFormat, TargetId, Tracker};
 
-use crate::common::{FPS, detected_ball, fisheye_view, frame, open};
+use crate::common::drawn::{Thing, settings_of, shown, view};
+use crate::common::{FPS, detected_ball, fisheye_view, frame, open, set_of};
 
 /// The frame sets of data/dioptric-two-balls.
 fn sets() -> impl Iterator<Item = FrameSet> {
@@ -93,4 +95,48 @@ fn a_crowd_cannot_be_started_and_other_targets_have_no_members() {
     builder.camera(fisheye_view());
     builder.target(TargetSettings::crowd(detected_ball(), 0));
     assert!(builder.build().is_err(), "a crowd of nobody");
+}
+
+/// Returns whether streaks of what moves near a member that has just been hidden, or far from it, were examined: a bar of this many pixels beside its place.
+fn is_examined(beside_px: f64) -> bool {
+    let ball = |middle_px: [f64; 2]| Thing {
+        exponent: 2.0,
+        radius_px: 14.0,
+        middle_px,
+    };
+    let known = ball([80.0, 120.0]);
+    let mut builder = Tracker::builder();
+    builder.camera(view(Pose::identity()));
+    let crowd = builder.target(TargetSettings::crowd(settings_of(known), 1));
+    let mut tracker = builder.build().unwrap();
+    let mut is_examined = false;
+    for number in 0..14 {
+        let bar = (0..6).map(|part| {
+            let u = 80.0 + beside_px + 8.0 * f64::from(part) + 9.0 * f64::from(number - 12);
+            ball([u, 120.0])
+        });
+        let things: Vec<Thing> = if number < 12 {
+            vec![known]
+        } else {
+            bar.collect()
+        };
+        let time_s = 0.04 * f64::from(number);
+        tracker
+            .observe(&set_of(shown(&things, &[], time_s)))
+            .unwrap();
+        let members: Vec<_> = tracker.members_at(crowd, time_s).unwrap().collect();
+        if number >= 2 && number < 12 {
+            assert_eq!(members.len(), 1, "{number}");
+        }
+        let mut candidates = tracker.candidates(crowd).unwrap().flatten();
+        is_examined |= candidates.any(|one| matches!(one.origin, Origin::Motion(..)));
+    }
+    is_examined
+}
+
+/// The others of a crowd, and whatever else moves, are none of its business.
+#[test]
+fn streaks_of_a_member_are_looked_for_near_its_prediction() {
+    assert!(is_examined(20.0));
+    assert!(!is_examined(170.0));
 }

@@ -38,6 +38,8 @@ pub(super) struct Streak {
     at_rest_px: Vec<f32>,
     /// Sums along a row.
     sums: Vec<f32>,
+    /// Columns of a row.
+    least: Vec<u16>,
 }
 
 /// A pixel near a streak.
@@ -92,6 +94,7 @@ impl Streak {
             hulls: Vec::with_capacity(nodes),
             at_rest_px: Vec::with_capacity(nodes),
             sums: Vec::with_capacity(nodes),
+            least: Vec::with_capacity(nodes),
             ..Self::default()
         }
     }
@@ -203,18 +206,37 @@ impl Streak {
         }
     }
 
-    /// Finds the least distance to the outlines during the exposure.
+    /// Finds the least distance to the outlines during the exposure: the least of each node's neighbours along the displacement, of equal ones the first.
     fn find_hulls(&mut self) {
         let width = self.size[0];
         let half = (0.5 * self.length_px).round() as usize;
-        self.hulls.clear();
-        for row in self.sharp_px.chunks_exact(width) {
-            self.hulls.extend((0..width).map(|column| {
-                let within = column.saturating_sub(half)..(column + half + 1).min(width);
-                let nearest = within.reduce(|a, b| if row[b] < row[a] { b } else { a });
-                let nearest = nearest.unwrap_or(column);
-                (row[nearest], nearest as u16)
-            }));
+        let Self {
+            sharp_px,
+            hulls,
+            least,
+            ..
+        } = self;
+        hulls.clear();
+        for row in sharp_px.chunks_exact(width) {
+            // Nodes seen so far that are the least of all after them, the least of all first; those before `first` are out of reach.
+            least.clear();
+            let (mut first, mut seen) = (0, 0);
+            for column in 0..width {
+                while seen < (column + half + 1).min(width) {
+                    while least.len() > first
+                        && row[seen] < row[usize::from(least[least.len() - 1])]
+                    {
+                        least.pop();
+                    }
+                    least.push(seen as u16);
+                    seen += 1;
+                }
+                while usize::from(least[first]) + half < column {
+                    first += 1;
+                }
+                let nearest = least[first];
+                hulls.push((row[usize::from(nearest)], nearest));
+            }
         }
     }
 

@@ -27,7 +27,7 @@ const MIN_CIRCLE_SHARE: f64 = 0.3;
 
 /// A ray in the world: its origin in metres and its unit direction.
 #[derive(Debug)]
-struct Ray {
+pub(super) struct Ray {
     camera: usize,
     /// The number of its blob's candidate.
     candidate: usize,
@@ -39,7 +39,7 @@ struct Ray {
 
 impl Ray {
     /// The ray through a pixel, at which there is a blob of this area in square pixels.
-    fn of(frame: &EdgeFrame, pixel: [f64; 2], area_px: f64) -> Option<Self> {
+    pub(super) fn of(frame: &EdgeFrame, pixel: [f64; 2], area_px: f64) -> Option<Self> {
         let (origin, direction) = frame.ray(pixel)?;
         Some(Self {
             camera: frame.camera(),
@@ -52,6 +52,11 @@ impl Ray {
 
     fn at(&self, distance_m: f64) -> Point3<f64> {
         self.origin + self.direction * distance_m
+    }
+
+    /// The point of the ray that is nearest to another point.
+    pub(super) fn nearest_to(&self, point: &Point3<f64>) -> Point3<f64> {
+        self.at((point - self.origin).dot(&self.direction))
     }
 }
 

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::boxes::Boxes;
 use super::candidates::{CandidateSearch, at};
 use super::exposures::{self, Exposures};
+use super::streaks::Reach;
 use crate::likelihood::edge::{
     Detection, Detections, EdgeCue, EdgeFrame, FitStart, NoFit, PositionPrior, SizePrior, YawPrior,
 };
@@ -36,6 +37,8 @@ pub(super) struct Detector {
     pub(super) detections: Detections,
     /// Whether the target is one of a crowd: nobody else is mistaken for one that is where it was predicted.
     pub(super) is_of_crowd: bool,
+    /// Where streaks are looked for; everywhere without one.
+    pub(super) reach: Option<Reach>,
 }
 
 /// How certain the size of a detection's outline is, besides the edges along it.
@@ -72,6 +75,8 @@ pub(super) struct Prediction {
     pub(super) yaw: Option<YawPrior>,
     /// Whether something else may be the target.
     pub(super) is_challenged: bool,
+    /// Whether it is nowhere but near the prediction: somebody known of a crowd.
+    pub(super) is_confined: bool,
 }
 
 /// The priors with which an outline is fitted.
@@ -140,6 +145,7 @@ impl Detector {
             exposures: Exposures::default(),
             detections: Detections::with_room(room, cameras, points),
             is_of_crowd: false,
+            reach: None,
         }
     }
 
@@ -175,6 +181,9 @@ impl Detector {
         let tuning = self.tuning;
         self.detections.clear();
         candidates.clear();
+        let confined = predicted.estimate.filter(|_| predicted.is_confined);
+        let diameter_m = predicted.size.scale() * self.shape.diameter_m();
+        self.reach = confined.and_then(|estimate| Reach::of(&estimate, diameter_m));
         let is_expected = predicted.existence > tuning.min_predicted_existence;
         if let Some(estimate) = predicted.estimate.as_ref().filter(|_| is_expected) {
             let mean_m = estimate.position_m;
@@ -239,7 +248,6 @@ impl Detector {
                 self.fit_moving_streaks((edge, frames), predicted.size, candidates);
             }
         }
-        let diameter_m = predicted.size.scale() * self.shape.diameter_m();
         let apart_m = tuning.distinct_diameters * diameter_m;
         self.detections
             .keep_distinct(tuning.min_log_ratio, apart_m, tuning.max_detections);

@@ -320,6 +320,7 @@ impl DetectedTarget {
                 .heading
                 .and_then(|heading| heading.prior(&self.tuning.heading)),
             is_challenged: self.challenge.is_open(),
+            is_confined: self.number().is_some(),
         }
     }
 

@@ -1,13 +1,47 @@
 //! Streaks: outlines that move while the shutter is open. How far follows from the velocity and the exposure, or from the form of a blob.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Point3, Vector3};
 
+use super::candidates::Ray;
 use super::detection::{Detector, Priors};
 use super::exposures::{BLOB_FACTORS, BLOBS, EXPOSURES, LIKELY_SHARE, MOVING_FACTORS, note};
 use crate::detect::Blob;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, SizePrior};
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tracker::ids::CameraId;
+use pardalis_filter::estimate::{StateEstimate, covariance_matrix};
+
+/// Streaks of a target that is nowhere but near its prediction are looked for within this many standard deviations. Hand-set.
+const REACH_SIGMAS: f64 = 5.0;
+
+/// Where a target is that is nowhere but near its prediction.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reach {
+    mean: Point3<f64>,
+    /// The inverse of the covariance, 1/m².
+    information: Matrix3<f64>,
+}
+
+impl Reach {
+    /// That of a target with this prediction, and this diameter in metres. A streak may be off by its size. `None` if the prediction says nothing.
+    pub(super) fn of(predicted: &StateEstimate, diameter_m: f64) -> Option<Self> {
+        let of_size = Matrix3::from_diagonal_element(diameter_m * diameter_m);
+        let information = (covariance_matrix(predicted.covariance_m2) + of_size).try_inverse()?;
+        Some(Self {
+            mean: predicted.position_m.into(),
+            information,
+        })
+    }
+
+    /// Whether the ray through a blob passes by.
+    fn holds(&self, frame: &EdgeFrame, blob: &Blob) -> bool {
+        let ray = Ray::of(frame, blob.centroid_px, blob.area_px);
+        ray.is_some_and(|ray| {
+            let off = ray.nearest_to(&self.mean) - self.mean;
+            off.dot(&(self.information * off)) < REACH_SIGMAS * REACH_SIGMAS
+        })
+    }
+}
 
 impl Detector {
     /// Fits the prediction as a streak with each of the possible exposures, the likeliest first, until one is certain. `way_m` is how far the target moved since the frames
@@ -71,7 +105,7 @@ impl Detector {
             else {
                 continue;
             };
-            if blob.cut_off || count == BLOBS || !self.may_be_streak(&blob) {
+            if blob.cut_off || count == BLOBS || !self.may_be_streak(frame, &blob) {
                 continue;
             }
             count += 1;
@@ -102,7 +136,7 @@ impl Detector {
         self.candidates.find_moving(frame);
         for number in 0..self.candidates.moving().len() {
             let blob = self.candidates.moving()[number];
-            if blob.cut_off || count == BLOBS || !self.may_be_streak(&blob) {
+            if blob.cut_off || count == BLOBS || !self.may_be_streak(frame, &blob) {
                 continue;
             }
             count += 1;
@@ -140,8 +174,11 @@ impl Detector {
         has_position
     }
 
-    /// Returns whether a blob is long enough, and wide enough to have a form.
-    fn may_be_streak(&self, blob: &Blob) -> bool {
+    /// Returns whether a blob is long enough, wide enough to have a form, and where the target may be.
+    fn may_be_streak(&self, frame: &EdgeFrame, blob: &Blob) -> bool {
+        if self.reach.is_some_and(|reach| !reach.holds(frame, blob)) {
+            return false;
+        }
         let [along, across] = blob.principal_variances_px2().map(f64::sqrt);
         across >= self.tuning.min_streak_sigma_px
             && along >= self.tuning.min_streak_elongation * across
