@@ -125,7 +125,7 @@ fn is_examined(beside_px: f64) -> bool {
             .observe(&set_of(shown(&things, &[], time_s)))
             .unwrap();
         let members: Vec<_> = tracker.members_at(crowd, time_s).unwrap().collect();
-        if number >= 2 && number < 12 {
+        if (2..12).contains(&number) {
             assert_eq!(members.len(), 1, "{number}");
         }
         let mut candidates = tracker.candidates(crowd).unwrap().flatten();

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::boxes::Boxes;
 use super::candidates::{CandidateSearch, at};
 use super::exposures::{self, Exposures};
-use super::streaks::Reach;
+use super::reach::Reach;
 use crate::likelihood::edge::{
     Detection, Detections, EdgeCue, EdgeFrame, FitStart, NoFit, PositionPrior, SizePrior, YawPrior,
 };

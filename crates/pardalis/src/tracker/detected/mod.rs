@@ -18,6 +18,7 @@ mod measurement;
 mod member;
 mod other_sensors;
 mod places;
+mod reach;
 mod size;
 mod streaks;
 #[cfg(test)]
