@@ -231,10 +231,12 @@ function silence(seconds) {
   return seconds > SILENT_S ? el("span", { class: "bad" }, `no image for ${Math.round(seconds)} s; waiting for the camera`) : "";
 }
 
-/** Returns for how many seconds no image of a topic has come. */
+/** When the run began, as far as this page knows, in its milliseconds. */
+let begun_ms = performance.now();
+
+/** Returns for how many seconds no image of a topic of the run has come. */
 function secondsWithoutImage(topic) {
-  const latest = app.images.get(topic);
-  return latest ? (performance.now() - latest.at) / 1000 : 0;
+  return (performance.now() - (app.images.get(topic)?.at ?? begun_ms)) / 1000;
 }
 
 /** Returns the name of a camera with how its frames come, and buttons to move in a recording. */
@@ -293,6 +295,17 @@ function renderPanel() {
 /** Says that the program does not answer, or that the run is over. */
 let announced = null;
 
+/** Forgets what an earlier run showed. */
+function forgetRun() {
+  app.latest.delete("track");
+  for (const key of [...app.images.keys()].filter((key) => key.startsWith("run/"))) {
+    // Pictures that show it keep it.
+    app.images.delete(key);
+    app.pictures.get(key.slice("run/".length))?.wait();
+  }
+  begun_ms = performance.now();
+}
+
 function show(topic, value, image) {
   if (topic === "state") return app.take(value);
   const [kind, name] = topic.split(/\/(.*)/);
@@ -313,7 +326,7 @@ function show(topic, value, image) {
   }
   app.latest.set(topic, value);
   // Another run begins.
-  if (topic === "scene") for (const [key, latest] of app.images) if (key.startsWith("run/")) latest.at = performance.now();
+  if (topic === "scene") forgetRun();
   if (app.state?.watched && (topic === "scene" || topic === "over")) app.take(app.state);
   if (topic === "changed") return ask("state").then((state) => app.take(state));
   if (kind === "source" && app.pictures.has(name)) app.pictures.get(name).caption.isConnected && updateCaption(name);

@@ -34,6 +34,9 @@ export class Picture {
     this.canvas.addEventListener("pointerdown", (event) => this.#down(event));
     this.canvas.addEventListener("pointermove", (event) => this.#move(event));
     this.canvas.addEventListener("pointerup", (event) => this.#up(event));
+    this.canvas.addEventListener("pointercancel", () => this.#leave());
+    // With text of the page selected, browsers would drag that.
+    this.canvas.addEventListener("dragstart", (event) => event.preventDefault());
     this.canvas.addEventListener("keydown", (event) => this.#key(event));
     this.canvas.addEventListener("blur", () => {
       this.cursor = this.corner = null;
@@ -52,6 +55,14 @@ export class Picture {
     this.about = about;
     this.element.classList.remove("waits");
     this.redraw();
+  }
+
+  /** Shows nothing until an image comes. */
+  wait() {
+    this.image = null;
+    this.about = {};
+    this.element.classList.add("waits");
+    this.canvas.getContext("2d").reset();
   }
 
   /** Draws the image and what belongs over it. */
@@ -190,6 +201,12 @@ export class Picture {
     if (!drag) return;
     if (drag.isFar && !drag.moves) this.box([drag.from, drag.to]);
     else if (!drag.isFar && drag.isPoint) this.point?.(drag.from);
+    this.redraw();
+  }
+
+  /** Gives up what was begun with the mouse. */
+  #leave() {
+    this.drag = null;
     this.redraw();
   }
 

@@ -56,7 +56,8 @@ impl Doubts {
 }
 
 impl Doubted {
-    fn add(&mut self, frame: usize) {
+    /// Adds a frame, with its number among those in which the target is tracked.
+    fn add(&mut self, frame: (usize, usize)) {
         self.count += 1;
         self.frames.add(frame, None);
     }
@@ -115,12 +116,13 @@ impl Sink for Doubts {
                 [candidates] => candidates.iter().any(|one| one.verdict == Verdict::Rival),
                 _ => false,
             };
+            let frame = (instant.index, counts.tracked);
             counts.tracked += 1;
             if one.estimate.confidence < DOUBTFUL {
-                counts.doubtful.add(instant.index);
+                counts.doubtful.add(frame);
             }
             if has_rival {
-                counts.with_rival.add(instant.index);
+                counts.with_rival.add(frame);
             }
         }
         Ok(())
@@ -138,8 +140,8 @@ mod tests {
                 tracked: 100,
                 ..Counts::default()
             };
-            doubtful.for_each(|frame| counts.doubtful.add(frame));
-            with_rival.for_each(|frame| counts.with_rival.add(frame));
+            doubtful.for_each(|frame| counts.doubtful.add((frame, frame)));
+            with_rival.for_each(|frame| counts.with_rival.add((frame, frame)));
             counts
         };
         assert!(counts(0..0, 0..9).lines().is_empty());

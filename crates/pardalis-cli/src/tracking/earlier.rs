@@ -45,12 +45,13 @@ pub(super) fn number_results(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The files by which a run is compared with another, and its page.
-const OF_RUN: [&str; 4] = [
+/// The files by which a run is compared with another, and its pages.
+const OF_RUN: [&str; 5] = [
     super::ROWS,
     summary::FILE,
     super::CAMERAS,
     crate::report::REPORT,
+    crate::report::COMPARISON,
 ];
 
 /// Returns the numbered runs in a folder of results with their folders, the oldest first.

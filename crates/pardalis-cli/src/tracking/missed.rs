@@ -30,6 +30,8 @@ pub(crate) struct MissedFrames {
     seen: Vec<Option<usize>>,
     /// The names of the cameras.
     cameras: Vec<String>,
+    /// How many frames have been tracked.
+    count: usize,
 }
 
 /// How a target is searched for.
@@ -65,14 +67,15 @@ pub(super) struct Exit {
 pub(super) struct Ranges {
     first: Vec<([usize; 2], Option<Exit>)>,
     more: usize,
-    /// The last frame of the last range.
+    /// The number, among those that were tracked, of the last frame of the last range: live cameras leave out some.
     last: Option<usize>,
 }
 
 impl Ranges {
-    pub(super) fn add(&mut self, frame: usize, exit: Option<Exit>) {
-        let continues = self.last.is_some_and(|last| last + 1 == frame);
-        self.last = Some(frame);
+    /// Adds a frame, with its number among those that were tracked.
+    pub(super) fn add(&mut self, (frame, number): (usize, usize), exit: Option<Exit>) {
+        let continues = self.last.is_some_and(|last| last + 1 == number);
+        self.last = Some(number);
         if !continues && self.first.len() == REPORTED_RANGES {
             self.more += 1;
         } else if !continues {
@@ -120,6 +123,7 @@ impl MissedFrames {
                 .iter()
                 .map(|camera| camera.name.clone())
                 .collect(),
+            count: 0,
         }
     }
 
@@ -244,7 +248,7 @@ impl Sink for MissedFrames {
                 self.exits[number] = left.map(|left| before.unwrap_or(left));
             } else {
                 let exit = self.exits[number];
-                self.ranges[number].add(instant.index, exit);
+                self.ranges[number].add((instant.index, self.count), exit);
                 let candidates = ruled_out(instant.tracker, TargetId::new(number))?;
                 let (unexplained, frames) = &mut self.unexplained[number];
                 let counts = self.targets[number].iter_mut().zip(unexplained);
@@ -258,6 +262,7 @@ impl Sink for MissedFrames {
                 }
             }
         }
+        self.count += 1;
         Ok(())
     }
 }
@@ -412,20 +417,26 @@ mod tests {
     fn ranges_of_frames_are_listed_and_counted() {
         let mut ranges = Ranges::default();
         for frame in [3, 4, 5, 9, 11, 12, 20, 30, 40, 41] {
-            ranges.add(frame, None);
+            ranges.add((frame, frame), None);
         }
         assert_eq!(ranges.to_string(), "3 to 5, 9, 11 to 12, 20, 30, 40 to 41");
         for frame in [50, 51] {
-            ranges.add(frame, None);
+            ranges.add((frame, frame), None);
         }
         assert_eq!(
             ranges.to_string(),
             "3 to 5, 9, 11 to 12, 20, 30, 40 to 41 and once more"
         );
-        ranges.add(60, None);
+        ranges.add((60, 60), None);
         assert!(
             ranges.to_string().ends_with(" and 2 more times"),
             "{ranges}"
         );
+        // A live camera left out what is in between.
+        let mut ranges = Ranges::default();
+        for (number, frame) in [57, 58, 60, 64].into_iter().enumerate() {
+            ranges.add((frame, number), None);
+        }
+        assert_eq!(ranges.to_string(), "57 to 64");
     }
 }

@@ -70,6 +70,15 @@ impl Watch {
         }
     }
 
+    /// Withdraws what an earlier run showed of these cameras: it would look new until something is shown.
+    #[cfg(feature = "studio")]
+    pub(crate) fn begin<'c>(&self, cameras: impl Iterator<Item = &'c str>) {
+        self.feed.withdraw("track");
+        for camera in cameras {
+            self.feed.withdraw(&format!("run/{camera}"));
+        }
+    }
+
     /// Also keeps what is examined in recorded images.
     pub(crate) fn examined(mut self, examined: Examined) -> Self {
         self.examined = Some(examined);

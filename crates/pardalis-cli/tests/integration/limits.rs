@@ -26,7 +26,7 @@ fn runs_of_images_end_at_their_limit() {
         let run = place.track_with(SCENE, &[&["-o", "out"], arguments].concat());
         let run = run.fine();
         assert!(
-            run.stdout.starts_with(&format!("tracked {rows} frames ")),
+            run.stdout.starts_with(&format!("processed {rows} frames ")),
             "{}",
             run.stdout
         );

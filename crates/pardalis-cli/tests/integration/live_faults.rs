@@ -183,7 +183,7 @@ fn ctrl_c_is_the_normal_end_of_a_live_session() {
     drop(camera);
     let rows = rows_in(&fs::read_to_string(&tracks).unwrap()).len();
     assert!((4..=FRAMES).contains(&rows), "{rows}");
-    let summary = format!("tracked {rows} frames");
+    let summary = format!("processed {rows} frames");
     assert!(run.stdout.starts_with(&summary), "{}", run.stdout);
     assert!(
         run.stdout.contains("\nended on request\n"),

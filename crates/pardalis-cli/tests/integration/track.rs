@@ -148,7 +148,7 @@ fn the_summary_describes_the_run() {
 #[test]
 fn one_frame_is_counted_in_the_singular() {
     let run = Workplace::with_frames(1).track(SCENE).fine();
-    for wanted in ["tracked 1 frame (", "ball: 1 frame tracked,"] {
+    for wanted in ["processed 1 frame (", "ball: 1 frame tracked,"] {
         assert!(run.stdout.contains(wanted), "{}", run.stdout);
     }
 }

@@ -36,7 +36,7 @@ def listen(page):
 def track(page):
     page.click("#start")
     expect(page.locator("#start")).to_be_hidden()
-    expect(page.locator("#report")).to_contain_text("tracked 110 frames")
+    expect(page.locator("#report")).to_contain_text("processed 110 frames")
 
 
 def replay_at(page, frame, count=110):
@@ -170,8 +170,11 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
     page.click("#undo")
     page.click("#undo")
     expect(page.locator("#undo")).to_be_disabled()
+    kept = written.read_bytes()
     track(page)
     assert rows_of(jump / "scene-tracks") == first
+    # The page of the comparison may have been sent to somebody: it goes with its run.
+    assert (jump / "scene-tracks/earlier/2/comparison.html").read_bytes() == kept
     expect(page.locator("#compare-with option")).to_have_count(3)
 
 
@@ -313,7 +316,7 @@ def test_a_camera_on_a_robot_moves_in_the_view_and_under_its_outlines(studio, tm
     listen(page)
     one.step("track")
     page.click("#start")
-    expect(page.locator("#report")).to_contain_text("tracked 100 frames")
+    expect(page.locator("#report")).to_contain_text("processed 100 frames")
     assert len(one.ask("rows", {"from": 0})["cameras"]["cam1"]) == 100
     assert len(one.ask("rows", {"from": 60})["cameras"]["cam1"]) == 40
     truth = truth_of("dioptric-moving-robot")

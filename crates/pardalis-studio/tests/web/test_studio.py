@@ -90,7 +90,7 @@ def test_an_empty_folder_becomes_a_scene_that_tracks(studio, tmp_path, frames):
     # Track, and save.
     one.step("track")
     page.click("#start")
-    expect(page.locator("#report")).to_contain_text("tracked 110 frames")
+    expect(page.locator("#report")).to_contain_text("processed 110 frames")
     expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
     page.click("#save")
     expect(page.locator("#file")).to_have_text("scene.toml")
@@ -597,6 +597,56 @@ def test_values_of_a_run_are_called_old_while_no_image_comes(studio, tmp_path, s
     page.click("#stop")
     expect(page.locator("#report")).to_contain_text("ball:")
     expect(page.locator("#silence")).to_be_hidden()
+    # Another run, while nothing comes, has no values, and not those of the one before. So in another tab.
+    source.stop()
+    page.click("#start")
+    expect(page.locator("#silence")).to_have_text(re.compile(r"^No frame for [2-9] s.$"))
+    expect(page.locator("#now .time")).to_be_hidden()
+    expect(page.locator("figcaption .bad")).to_contain_text("waiting for the camera")
+    other = one.context.new_page()
+    other.goto(one.address)
+    other.click("#step-track")
+    expect(other.locator("#silence")).to_have_text(re.compile(r"^No frame for \d+ s.$"))
+    expect(other.locator("#now .time")).to_be_hidden()
+    other.close()
+    source.start()
+    expect(page.locator("[data-target=ball] .state")).to_have_text("tracking")
+    page.click("#stop")
+    expect(page.locator("#report")).to_contain_text("ball:")
+
+
+def test_a_recording_that_was_away_is_shown_once_it_is_back(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "in/frames")
+    one = studio("frames", folder=tmp_path / "in")
+    page = one.page
+    expect(page.locator("[data-camera=camera]:not(.waits)")).to_be_visible()
+    (tmp_path / "in/frames").rename(tmp_path / "in/away")
+    # Whatever opens it anew.
+    one.ask("rename_camera", {"camera": "camera", "name": "cam"})
+    page.reload()
+    expect(page.locator("figcaption .bad")).to_contain_text("frames")
+    (tmp_path / "in/away").rename(tmp_path / "in/frames")
+    expect(page.locator("[data-camera=cam]:not(.waits)")).to_be_visible()
+    expect(page.locator("figcaption .bad")).to_be_hidden()
+    # The same source twice is a slip of the mouse.
+    assert "is a camera of the scene already" in one.ask("add_source", {"input": str(tmp_path / "in/frames")})["error"]
+    one.errors.clear()
+
+
+def test_a_box_is_drawn_while_text_of_the_page_is_selected(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump/frames", tmp_path / "in/frames")
+    one = studio("frames", folder=tmp_path / "in")
+    page = one.page
+    one.ask("add_target", {"name": "ball"})
+    one.step("colors")
+    at = one.at("camera", [440, 68], (640, 480))
+    to = one.at("camera", [480, 108], (640, 480))
+    page.evaluate("getSelection().selectAllChildren(document.body)")
+    page.mouse.move(*at)
+    page.mouse.down()
+    page.mouse.move(*to, steps=5)
+    page.mouse.up()
+    until(lambda: len(one.ask("state")["targets"][0]["samples"]) == 1)
 
 
 def test_a_camera_that_is_not_there_is_tried_until_it_is(studio, tmp_path):
@@ -1016,7 +1066,7 @@ def test_every_step_can_be_pictured_for_the_guide(studio, tmp_path):
     take("targets")
     one.step("track")
     page.click("#start")
-    expect(page.locator("#report")).to_contain_text("tracked 110 frames")
+    expect(page.locator("#report")).to_contain_text("processed 110 frames")
     take("track")
     page.click("#settings summary")
     page.fill("#run-diameter-ball", "20")

@@ -31,8 +31,8 @@ let choosesLast = false;
 /** The number of the last earlier run when the run began. */
 let kept = 0;
 
-/** When values came last, in milliseconds of this page, and after how many seconds without new ones the page says so. */
-let told_ms = 0;
+/** When values came last, or the run began, in milliseconds of this page, and after how many seconds without new ones the page says so. */
+let told_ms = performance.now();
 const SILENT_S = 2;
 let timer = null;
 
@@ -158,7 +158,7 @@ export const track = {
   isBegun: ({ state }) => state.targets.length > 0 && state.cameras.length > 0,
   isDone: ({ state }) => Boolean(state.run && !state.run.goes_on && !state.run.error),
   hint: ({ state: { run, watched } }) =>
-    run?.goes_on || watched ? "The white line is the best fit, the dots are hypotheses." : run ? "The run has ended. Its report is below its last values." : "Everything set? Start, and see whether the outlines stay on the object.",
+    run?.goes_on || watched ? "The white line is the best fit, the dots are hypotheses." : run?.error ? "The run could not go on. What is missing is below." : run ? "The run has ended. Its report is below its last values." : "Everything set? Start, and see whether the outlines stay on the object.",
   picture: (app) => ({ draw: (context, px, about) => about.marks && drawMarks(context, px, about) }),
   imageOf: (app, name) => {
     const image = app.state.run && app.images.get(isReplay ? name : `run/${name}`);
@@ -186,9 +186,8 @@ export const track = {
   },
   seen: (app, topic) => isReplay && topic.startsWith("image/") && updateNow(app),
   told: (app, topic, value) => {
-    if (topic === "track") {
+    if (topic === "track" || topic === "scene") {
       told_ms = performance.now();
-      timer ??= setInterval(() => silentFor_s(app) >= SILENT_S && updateNow(app), 1000);
       updateNow(app);
     }
     if (topic.startsWith("source/") && isReplay && canReplay(app)) updateReplay(app);
@@ -207,6 +206,7 @@ export const track = {
   render(app) {
     const { run, watched } = app.state;
     const goes = run?.goes_on;
+    if (goes) timer ??= setInterval(() => silentFor_s(app) >= SILENT_S && updateNow(app), 1000);
     chooseLast(app);
     return [
       !watched && el(
@@ -233,7 +233,9 @@ const silentFor_s = (app) => (app.state.run?.goes_on ? Math.floor((performance.n
 
 function nowOf(app) {
   const now = app.latest.get("track");
-  if (!app.state.run || !now) return [];
+  const silent_s = silentFor_s(app);
+  if (!app.state.run || app.state.run.error) return [];
+  if (!now) return silent_s >= SILENT_S ? [el("p", { class: "bad", id: "silence" }, `No frame for ${silent_s} s.`)] : [];
   if (isReplay && canReplay(app)) {
     const about = replayedNow(app);
     if (!about?.targets) return [];
@@ -241,10 +243,9 @@ function nowOf(app) {
     const frame = app.state.cameras.length > 1 ? `${about.targets[0]?.row ?? "–"} of the run` : about.index;
     return [el("p", { class: "time" }, `Frame ${frame}, ${instant(about.time_s)}, replayed`), about.targets.map(targetRow), ruledOut(app, about.targets.some(isMissing))].flat(9).filter(Boolean);
   }
-  const age = now.age_s === null || silentFor_s(app) >= SILENT_S || !app.state.run.goes_on ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
+  const age = now.age_s === null || silent_s >= SILENT_S || !app.state.run.goes_on ? "" : `, ${fixed(1e3 * now.age_s, 0)} ms old`;
   const targets = app.state.run.smoothed ?? now.targets;
   const recorded = app.state.run.goes_on && now.recording ? recordedText(now.recording) : [];
-  const silent_s = silentFor_s(app);
   const silence = silent_s >= SILENT_S && el("p", { class: "bad", id: "silence" }, `No new frame for ${silent_s} s: these values are old.`);
   const of = app.state.run.goes_on ? "" : "At the end: ";
   return [...recorded, silence, el("p", { class: "time" }, `${of}Frame ${now.frame}, ${instant(now.time_s)}${age}`), el("div", { class: silence ? "stale" : "" }, targets.map(targetRow)), ruledOut(app, targets.some(isMissing)), histogram(now.tracking_ms)].flat(9).filter(Boolean);

@@ -113,7 +113,8 @@ impl Player {
                             Ok(source) => return source,
                             Err(error) => shared.fail(format!("{error:#}")),
                         }
-                        if !is_live || shared.is_stopped_after(RETRY) {
+                        // A file may come back, too.
+                        if shared.is_stopped_after(RETRY) {
                             return None;
                         }
                     }

@@ -79,6 +79,7 @@ impl Running {
         } = wanted;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let folder = path.with_file_name(format!("{stem}-tracks"));
+        watch.begin(scene.cameras.iter().map(|camera| &*camera.name));
         let stop = Stop::default();
         let outcome = Arc::new(Mutex::new(None));
         let examined = Examined::default();

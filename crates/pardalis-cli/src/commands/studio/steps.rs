@@ -62,10 +62,21 @@ impl Session {
     pub(super) fn add_source(&self, input: &str, fps: Option<f64>) -> Result<()> {
         // Anything else is a file, which must be in an allowed place.
         let is_live = input.contains("://") || is_device(input);
+        let refuse_twice = || {
+            if self.has_source(input) {
+                return Err(user_error!(
+                    "{}: is a camera of the scene already; choose another source",
+                    Path::new(input).shown()
+                ));
+            }
+            Ok(())
+        };
         let (texts, radius_m) = if is_live {
+            refuse_twice()?;
             (vec![self.live_camera(input)?], None)
         } else {
             let path = self.places.allowed(input)?;
+            refuse_twice()?;
             let output = self.inner().project.path().to_owned();
             let known_fps = fps.filter(|_| path.is_dir() && !path.join("times.csv").is_file());
             init::cameras(&init::Arguments::of(path, output, known_fps))?

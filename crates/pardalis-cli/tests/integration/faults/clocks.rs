@@ -109,7 +109,7 @@ fn a_recording_with_a_wrong_time_stamp_keeps_all_its_rows() {
     let scene = cameras.scene_of_file("ride.nut");
     let run = cameras.track_scene(scene).fine();
     assert!(
-        run.stdout.starts_with("tracked 12 frames"),
+        run.stdout.starts_with("processed 12 frames"),
         "{}",
         run.stdout
     );
