@@ -242,7 +242,7 @@ fn pictures_and_quiet_mode() {
         assert!(run.stdout.contains(&file), "{file}: {}", run.stdout);
     }
     assert!(
-        run.stdout.contains("tracked 3 frames") && run.stdout.contains("ball: 3 frames tracked")
+        run.stdout.contains("processed 3 frames") && run.stdout.contains("ball: 3 frames tracked")
     );
     assert!(
         !run.stdout.contains(['\r', '\u{1b}']),

@@ -433,7 +433,7 @@ def test_a_size_that_the_cameras_contradict_is_shown_and_can_be_taken_over(studi
     page = one.page
     one.step("track")
     page.click("#start")
-    expect(page.locator("#report")).to_contain_text("tracked 160 frame")
+    expect(page.locator("#report")).to_contain_text("processed 160 frame")
     one.step("targets")
     expect(page.locator("#measured-ball")).to_contain_text("contradicts the scene")
     page.click("#use-ball")
