@@ -36,6 +36,15 @@ pub(crate) struct Series<T> {
     pub(crate) rows: Vec<(f64, T)>,
 }
 
+/// Returns the times of all rows in seconds, ascending, each once.
+pub(crate) fn times_of<T>(all: &[Series<T>]) -> Vec<f64> {
+    let rows = all.iter().flat_map(|series| &series.rows);
+    let mut times_s: Vec<f64> = rows.map(|(time_s, _)| *time_s).collect();
+    times_s.sort_by(f64::total_cmp);
+    times_s.dedup();
+    times_s
+}
+
 /// The row of a track for one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TrackRow {

@@ -2,7 +2,7 @@
 
 use pardalis_evaluate::{TrueState, wrapped_rad};
 
-use crate::tables::Series;
+use crate::tables::{Series, times_of};
 
 /// Gaps in the truth longer than this many of its typical intervals are not interpolated.
 const LONGEST_GAP: f64 = 3.0;
@@ -12,12 +12,7 @@ pub(super) fn at_times_of<T>(
     tracks: &[Series<T>],
     objects: &[Series<TrueState>],
 ) -> Vec<Series<TrueState>> {
-    let mut times_s: Vec<f64> = tracks
-        .iter()
-        .flat_map(|track| track.rows.iter().map(|row| row.0))
-        .collect();
-    times_s.sort_by(f64::total_cmp);
-    times_s.dedup();
+    let times_s = times_of(tracks);
     let at_times = |object: &Series<TrueState>| {
         let mut intervals_s: Vec<f64> = object.rows.windows(2).map(|w| w[1].0 - w[0].0).collect();
         intervals_s.sort_by(f64::total_cmp);

@@ -17,13 +17,13 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::Options;
-use super::pairing::place;
+use super::pairing::mapped;
 use crate::numbers::{counted, fixed};
 use crate::output::Shown;
 use crate::report::{CameraPoses, poses_of};
 use crate::results::{beside, folder_of, read_summary, scene_of};
 use crate::sight::Sight;
-use crate::tables::{Table, TrackRow, tracks_of};
+use crate::tables::{Table, TrackRow, times_of, tracks_of};
 use crate::tracking::{CAMERAS, SUMMARY};
 use crate::user_error::user_error;
 
@@ -170,7 +170,7 @@ pub(super) fn score(tracks: &Path, table: &Table, options: &Options) -> Result<C
     let (scene, path, poses) = scene_beside(tracks)?;
     let objects: Vec<&str> = all.iter().map(|one| &*one.object).collect();
     let targets: Vec<&str> = scene.targets.iter().map(|target| &*target.name).collect();
-    check_map(&options.map, (&targets, &path), (&objects, table.path()))?;
+    mapped(&options.map, (&path, &targets), (table.path(), &objects))?;
     let mut report = CircleReport {
         tracks: tracks.to_owned(),
         circles: table.path().to_owned(),
@@ -332,31 +332,6 @@ fn target_of<'s>(
     named(object).or(only).filter(|target| !is_mapped(target))
 }
 
-/// Rejects pairs of names that do not exist or are given twice.
-fn check_map(
-    map: &[(String, String)],
-    (targets, scene): (&[&str], &Path),
-    (objects, circles): (&[&str], &Path),
-) -> Result<()> {
-    for (index, (target, object)) in map.iter().enumerate() {
-        let option = format!("--map {target}={object}");
-        place(&option, "target", target, targets, scene)?;
-        place(&option, "object", object, objects, circles)?;
-        let others = &map[..index];
-        if others.iter().any(|(other, _)| other == target) {
-            return Err(user_error!(
-                "{option}: target \"{target}\" is mapped twice; allowed: one object per target"
-            ));
-        }
-        if others.iter().any(|(_, other)| other == object) {
-            return Err(user_error!(
-                "{option}: object \"{object}\" is mapped twice; allowed: one target per object"
-            ));
-        }
-    }
-    Ok(())
-}
-
 /// Returns the camera whose images the circles are in.
 fn camera_of<'s>(circles: &Circles, scene: &'s Scene, path: &Path) -> Result<&'s CameraConfig> {
     let cameras = &scene.cameras;
@@ -403,12 +378,7 @@ impl Rows {
             }
         }
         let tracks = tracks_of(&table)?;
-        let mut times_s: Vec<f64> = tracks
-            .iter()
-            .flat_map(|track| track.rows.iter().map(|row| row.0))
-            .collect();
-        times_s.sort_by(f64::total_cmp);
-        times_s.dedup();
+        let times_s = times_of(&tracks);
         let mut steps_s: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         steps_s.sort_by(f64::total_cmp);
         let by_time = |rows: &[(f64, TrackRow)]| {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::tables::Series;
+use crate::tables::{Series, times_of};
 
 /// Largest distance between a row and the time of its frame, in seconds.
 const TOLERANCE_S: f64 = 0.001;
@@ -20,12 +20,7 @@ pub(super) struct Frames {
 impl Frames {
     /// Returns the frames in which any object has a truth.
     pub(super) fn of<T>(objects: &[Series<T>]) -> Self {
-        let mut times_s: Vec<f64> = objects
-            .iter()
-            .flat_map(|o| o.rows.iter().map(|row| row.0))
-            .collect();
-        times_s.sort_by(f64::total_cmp);
-        times_s.dedup();
+        let times_s = times_of(objects);
         let mut intervals_s: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
         intervals_s.sort_by(f64::total_cmp);
         let median_s = intervals_s.get(intervals_s.len() / 2);

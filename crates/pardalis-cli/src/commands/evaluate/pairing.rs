@@ -46,21 +46,8 @@ pub(super) fn pair(
     cap_m: f64,
 ) -> Result<Vec<Pair>> {
     let mut object_of: Vec<Option<(usize, MatchedBy)>> = vec![None; targets.len()];
-    for (target, object) in map {
-        let option = format!("--map {target}={object}");
-        let t = place(&option, "target", target, targets, tracks_path)?;
-        let o = place(&option, "object", object, objects, truth_path)?;
-        if object_of[t].is_some() {
-            return Err(user_error!(
-                "{option}: target \"{target}\" is mapped twice; allowed: one object per target"
-            ));
-        }
-        if object_of.iter().flatten().any(|&(taken, _)| taken == o) {
-            return Err(user_error!(
-                "{option}: object \"{object}\" is mapped twice; allowed: one target per object"
-            ));
-        }
-        object_of[t] = Some((o, MatchedBy::Map));
+    for (target, object) in mapped(map, (tracks_path, targets), (truth_path, objects))? {
+        object_of[target] = Some((object, MatchedBy::Map));
     }
     for (t, name) in targets.iter().enumerate() {
         let same = objects.iter().position(|object| object == name);
@@ -109,6 +96,34 @@ pub(super) fn pair(
     Ok(pairs)
 }
 
+/// Returns the indices of mapped targets and their objects.
+///
+/// Errors: a file does not have a name, or it is given twice.
+pub(super) fn mapped(
+    map: &[(String, String)],
+    (tracks_path, targets): (&Path, &[&str]),
+    (truth_path, objects): (&Path, &[&str]),
+) -> Result<Vec<(usize, usize)>> {
+    let mut pairs: Vec<(usize, usize)> = Vec::new();
+    for (target, object) in map {
+        let option = format!("--map {target}={object}");
+        let t = place(&option, "target", target, targets, tracks_path)?;
+        let o = place(&option, "object", object, objects, truth_path)?;
+        if pairs.iter().any(|&(taken, _)| taken == t) {
+            return Err(user_error!(
+                "{option}: target \"{target}\" is mapped twice; allowed: one object per target"
+            ));
+        }
+        if pairs.iter().any(|&(_, taken)| taken == o) {
+            return Err(user_error!(
+                "{option}: object \"{object}\" is mapped twice; allowed: one target per object"
+            ));
+        }
+        pairs.push((t, o));
+    }
+    Ok(pairs)
+}
+
 /// Reports whether an object has no target yet.
 fn is_free(object_of: &[Option<(usize, MatchedBy)>], object: usize) -> bool {
     object_of
@@ -118,13 +133,7 @@ fn is_free(object_of: &[Option<(usize, MatchedBy)>], object: usize) -> bool {
 }
 
 /// Returns the index of a name given by the user.
-pub(super) fn place(
-    option: &str,
-    kind: &str,
-    name: &str,
-    names: &[&str],
-    path: &Path,
-) -> Result<usize> {
+fn place(option: &str, kind: &str, name: &str, names: &[&str], path: &Path) -> Result<usize> {
     names.iter().position(|n| *n == name).ok_or_else(|| {
         user_error!(
             "{option}: {} has no {kind} \"{name}\"; allowed: {}",
