@@ -19,7 +19,7 @@ const LOOKALIKE_SPREAD: [f64; 3] = [0.3, 0.3, 1.0];
 pub struct BodyColors {
     /// Y, U and V of BT.601, full range, 0 to 255.
     means: Vec<[f32; 3]>,
-    /// Mean and variance of each feature ([`features`]).
+    /// Mean and variance of each feature ([`features`]), without what grey light adds.
     features: [(f64, f64); 3],
 }
 
@@ -48,11 +48,7 @@ impl BodyColors {
             let mean = all.iter().map(|values| values[i]).sum::<f64>() / count;
             let squares = all.iter().map(|values| (values[i] - mean).powi(2));
             let scatter = squares.sum::<f64>() / (count - 1.0).max(1.0);
-            let of_grey = if i < 2 { UNSEEN_GREY * mean } else { 0.0 };
-            (
-                mean,
-                scatter + UNSEEN_ILLUMINATION[i].powi(2) + of_grey.powi(2),
-            )
+            (mean, scatter + UNSEEN_ILLUMINATION[i].powi(2))
         });
         Some(Self { means, features })
     }
@@ -66,14 +62,24 @@ impl BodyColors {
     /// Returns the log-likelihood ratio, in nats, of a body's mean colour (Y, U and V): the target against
     /// clutter whose single pixels could be the target's.
     pub fn log_ratio(&self, mean: [f32; 3]) -> f64 {
-        let values = features(mean).into_iter().zip(&self.features);
-        let terms = values
-            .zip(LOOKALIKE_SPREAD)
-            .map(|((value, (mean, variance)), spread)| {
-                let normal = libm::log(std::f64::consts::TAU * variance);
-                libm::log(spread) - 0.5 * ((value - mean).powi(2) / variance + normal)
-            });
-        terms.sum()
+        self.log_ratio_with_grey(mean, UNSEEN_GREY)
+    }
+
+    /// As [`log_ratio`](Self::log_ratio), for a body whose mean colour contains nothing of its surroundings.
+    pub(crate) fn log_ratio_without_grey(&self, mean: [f32; 3]) -> f64 {
+        self.log_ratio_with_grey(mean, 0.0)
+    }
+
+    fn log_ratio_with_grey(&self, mean: [f32; 3], grey: f64) -> f64 {
+        let of_feature = |i: usize, value: f64| {
+            let (mean, variance) = self.features[i];
+            let of_grey = if i < 2 { grey * mean } else { 0.0 };
+            let variance = variance + of_grey.powi(2);
+            let normal = libm::log(std::f64::consts::TAU * variance);
+            libm::log(LOOKALIKE_SPREAD[i]) - 0.5 * ((value - mean).powi(2) / variance + normal)
+        };
+        let values = features(mean).into_iter().enumerate();
+        values.map(|(i, value)| of_feature(i, value)).sum()
     }
 
     /// Formats the means as a section of a colour model file.
@@ -156,6 +162,9 @@ mod tests {
         let with_rim = [0, 1, 2].map(|i| red[i] + 0.025 * (wall[i] - red[i]));
         let colors = BodyColors::new(vec![with_rim; 3]).unwrap();
         assert!(colors.log_ratio(red) > 0.0, "{}", colors.log_ratio(red));
+        // Without the allowance it costs much, and what the labels contain is surer.
+        assert!(colors.log_ratio_without_grey(red) < 0.0);
+        assert!(colors.log_ratio_without_grey(with_rim) > colors.log_ratio(with_rim));
         let brown = [60.0, 112.0, 152.0];
         assert!(colors.log_ratio(brown) < -5.0);
     }

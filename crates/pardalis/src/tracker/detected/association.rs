@@ -292,15 +292,23 @@ impl DetectedTarget {
         let Some(known) = self.colors.body().filter(|_| uses_color) else {
             return 0.0;
         };
-        // Members of a crowd are before one another. The rim tells outlines that reach over another from those that do not.
-        let is_member = self.member.is_some();
-        let of_bodies = detection.body_colors().filter(|_| !is_member);
-        let of_rims = detection.rim_colors().filter(|_| is_member);
-        let of_cameras = of_bodies.chain(of_rims).map(|(camera, color)| {
+        let corrected = |(camera, color): (usize, [f32; 3])| {
             let correction = self.adaptations[camera].correction(PixelKind::FULL_RANGE_YUV);
-            known.log_ratio(correction.color(color))
-        });
-        of_cameras.reduce(f64::min).unwrap_or(0.0)
+            correction.color(color)
+        };
+        // Members of a crowd are before one another. The rim, and what it contains of the surroundings, tells outlines that reach over two of them.
+        let least = if self.member.is_some() {
+            let of_rims = detection.rim_colors().map(corrected);
+            of_rims
+                .map(|color| known.log_ratio_without_grey(color))
+                .reduce(f64::min)
+        } else {
+            let of_bodies = detection.body_colors().map(corrected);
+            of_bodies
+                .map(|color| known.log_ratio(color))
+                .reduce(f64::min)
+        };
+        least.unwrap_or(0.0)
     }
 
     /// The density of clutter, 1/m³ (1/m² on the ground).
