@@ -128,6 +128,7 @@ impl BernoulliFilter {
         if ago_s > MAX_AGO_S || measurement.is_of_velocity() && ago_s > 0.0 {
             return Measured::Late;
         }
+        self.predicted.take();
         let is_planar = self.settings.motion.is_planar();
         let free = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, f64::from(!is_planar)));
         let measurement = if is_planar {

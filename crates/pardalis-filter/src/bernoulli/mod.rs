@@ -30,6 +30,8 @@ pub use measured::{MAX_AGO_S, Measured};
 pub use proposal::MeasurementComponent;
 pub use tuning::ProposalTuning;
 
+use std::sync::OnceLock;
+
 use kinematics::Kinematics;
 use proposal::{Proposal, log_add};
 
@@ -206,6 +208,8 @@ pub struct BernoulliFilter {
     log_ratios: Vec<f32>,
     /// The particle with the greatest log-ratio in the last update; in case of ties the one with the greatest weight.
     likeliest: usize,
+    /// The estimate at the predicted time, once it has been asked for; whatever changes the filter forgets it.
+    predicted: OnceLock<Option<StateEstimate>>,
 }
 
 impl BernoulliFilter {
@@ -234,6 +238,7 @@ impl BernoulliFilter {
             ancestors: vec![0; count],
             log_ratios: vec![0.0; count],
             likeliest: 0,
+            predicted: OnceLock::new(),
         })
     }
 
@@ -244,6 +249,7 @@ impl BernoulliFilter {
         if !(0.0..=1.0).contains(&existence) {
             return Err(Error::out_of_range("existence", existence, "0 to 1"));
         }
+        self.predicted.take();
         let free_axes = self.settings.motion.free_axes();
         let start = &if self.settings.motion.is_planar() {
             start.in_plane()
@@ -298,6 +304,7 @@ impl BernoulliFilter {
             ..self.settings
         };
         settings.check()?;
+        self.predicted.take();
         self.settings = settings;
         Ok(())
     }
@@ -310,6 +317,7 @@ impl BernoulliFilter {
     /// Predicts by `dt_s` seconds; does nothing unless that is above 0. Several short steps equal one long step.
     pub fn predict(&mut self, dt_s: f64) {
         if dt_s > 0.0 {
+            self.predicted.take();
             self.pending_s = (self.pending_s + dt_s).min(MAX_PENDING_S);
         }
     }
@@ -357,6 +365,7 @@ impl BernoulliFilter {
         max_log_ratio: f64,
         mut log_ratios: impl FnMut(&Particles, &mut [f32]),
     ) {
+        self.predicted.take();
         self.observation = self.observation.wrapping_add(1);
         let prior = self.prior();
         let exists = prior.located + prior.elsewhere;
@@ -464,6 +473,7 @@ impl BernoulliFilter {
         if share == 0.0 {
             return;
         }
+        self.predicted.take();
         for (hypothesis, weight) in self.hypotheses.iter().zip(&mut self.weights) {
             *weight = if kept(hypothesis) {
                 *weight / share
@@ -499,6 +509,14 @@ impl BernoulliFilter {
     /// changing the filter. Right after [`BernoulliFilter::predict`], and 0 s ahead, this is the mean and
     /// covariances of the predicted mixture without births. `None` if the target does not exist.
     pub fn estimate(&self, ahead_s: f64) -> Option<StateEstimate> {
+        if ahead_s == 0.0 {
+            *self.predicted.get_or_init(|| self.estimate_ahead(0.0))
+        } else {
+            self.estimate_ahead(ahead_s)
+        }
+    }
+
+    fn estimate_ahead(&self, ahead_s: f64) -> Option<StateEstimate> {
         if self.located() == 0.0 {
             return None;
         }

@@ -340,3 +340,50 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn whatever_changes_the_filter_changes_its_estimate() {
+    let settings = BernoulliSettings::of(Motion::DEFAULT);
+    let mut filter = BernoulliFilter::new(settings, Draws::new(3, 0)).unwrap();
+    let component = MeasurementComponent {
+        position_m: [0.2, 0.0, 1.0],
+        covariance_m2: diagonal_m2([0.1; 3]),
+        log_weight: 0.0,
+    };
+    let measurement = crate::Measurement::position(
+        0.0,
+        [Some(0.1), Some(0.1), Some(1.0)],
+        diagonal_m2([0.1; 3]),
+    )
+    .unwrap();
+    let mut changes: [(&str, &mut dyn FnMut(&mut BernoulliFilter)); 7] = [
+        ("start", &mut |filter| {
+            let start = GaussianStart {
+                position_m: [0.0, 0.0, 1.0],
+                covariance_m2: diagonal_m2([0.3; 3]),
+                ..GaussianStart::default()
+            };
+            filter.start(&start, 0.9).unwrap();
+        }),
+        ("predict", &mut |filter| filter.predict(0.1)),
+        ("update", &mut |filter| {
+            filter.update(&[component], 9.0, |_, out| out.fill(1.0));
+        }),
+        ("keep", &mut |filter| filter.keep(|[x, ..]| x > 0.1)),
+        ("measure", &mut |filter| {
+            let measured = filter.measure(&measurement, 0.0, [0.0; 6]);
+            assert_eq!(measured, Measured::Used);
+        }),
+        ("predict again", &mut |filter| filter.predict(0.1)),
+        ("rates", &mut |filter| {
+            filter.set_births(0.0, 1e9).unwrap();
+        }),
+    ];
+    for (name, change) in &mut changes {
+        let before = filter.estimate(0.0);
+        change(&mut filter);
+        let after = filter.estimate(0.0);
+        assert_eq!(after, filter.estimate_ahead(0.0), "{name}");
+        assert_ne!(after, before, "{name}");
+    }
+}

@@ -160,14 +160,16 @@ impl DetectedTarget {
         let likeness = seen + by_boxes;
         let contradiction = detection.contradiction_nats() / cameras / tuning.log_ratio_scale;
         let clutter_density = self.clutter_density();
-        let place = (position_m, &covariance_m2);
-        let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);
+        let tracked_density = self.filter.predicted_density(position_m, &covariance_m2);
+        let own = self.filter.located() * tracked_density;
+        let densities = look_alikes.densities(position_m, &covariance_m2);
+        let assigned = assigned_nats(likeness, clutter_density, own, densities);
         let log_weight = likeness - libm::log(clutter_density) - assigned;
         let if_covered = by_color.min(0.0) - contradiction + by_boxes.min(0.0);
         // What a detector leaves out again and again may look again and again like the target: only the former speaks then.
         let existing = by_boxes + if by_boxes < 0.0 { seen.min(0.0) } else { seen };
         let mut existence_log_ratio =
-            self.existence_log_ratio(place, existing, if_covered) - assigned;
+            self.existence_log_ratio(tracked_density, existing, if_covered) - assigned;
         if is_new_streak {
             existence_log_ratio = existence_log_ratio.min(tuning.max_new_streak_nats);
         }
@@ -231,31 +233,10 @@ impl DetectedTarget {
         way_m < tuning.association.min_way_share * length_m
     }
 
-    /// By how many nats a detection is less likely this target's because it may be a look-alike's. Look-alikes that were updated with this instant's
-    /// frames have been assigned theirs; among those that were not, and this one, it is likelier the one's that was predicted there. It may also be
-    /// clutter, with this density.
-    fn assigned_nats(
-        &self,
-        look_alikes: &LookAlikes,
-        (position_m, covariance_m2): ([f64; 3], &Matrix3<f64>),
-        likeness: f64,
-        clutter_density: f64,
-    ) -> f64 {
-        let look_alikes = look_alikes.densities(position_m, covariance_m2);
-        let own = self.density(position_m, covariance_m2);
-        assigned_nats(likeness, clutter_density, own, look_alikes)
-    }
-
-    /// The log-ratio by which a detection speaks for the target's existence, given its likeness and the same if the target is covered, both in nats. What has been tracked
+    /// The log-ratio by which a detection speaks for the target's existence, given the predicted density of the target there, its likeness and the same if the target is covered, both in nats. What has been tracked
     /// may be clutter and then is there again: that it stayed where it was does not make it the target, nor is it clutter because part of it is occluded.
-    fn existence_log_ratio(
-        &self,
-        (position_m, covariance_m2): ([f64; 3], &Matrix3<f64>),
-        likeness: f64,
-        covered: f64,
-    ) -> f64 {
+    fn existence_log_ratio(&self, tracked_density: f64, likeness: f64, covered: f64) -> f64 {
         let clutter_density = self.clutter_density();
-        let tracked_density = self.filter.predicted_density(position_m, covariance_m2);
         let other_density = clutter_density + tracked_density;
         let as_new = likeness + libm::log(self.birth_density / other_density);
         let as_tracked = likeness.max(covered) + libm::log(tracked_density / other_density);
@@ -381,8 +362,9 @@ impl DetectedTarget {
     }
 }
 
-/// By how many nats a detection with this log-likelihood ratio against clutter is less likely the target's, given the densities there of clutter, of the target
-/// itself, and of updated and predicted look-alikes.
+/// By how many nats a detection with this log-likelihood ratio against clutter is less likely the target's because it may be a look-alike's, given the densities there of
+/// clutter, of the target itself, and of updated and predicted look-alikes. Those that were updated with this instant's frames have been assigned theirs; among those that
+/// were not, and this one, it is likelier the one's that was predicted there.
 pub(in crate::tracker) fn assigned_nats(
     likeness: f64,
     clutter: f64,
