@@ -67,12 +67,12 @@ pub(super) struct Exit {
 pub(super) struct Ranges {
     first: Vec<([usize; 2], Option<Exit>)>,
     more: usize,
-    /// The number, among those that were tracked, of the last frame of the last range: live cameras leave out some.
+    /// The number, among those that were processed, of the last frame of the last range: live cameras leave out some.
     last: Option<usize>,
 }
 
 impl Ranges {
-    /// Adds a frame, with its number among those that were tracked.
+    /// Adds a frame, with its number among those that were processed.
     pub(super) fn add(&mut self, (frame, number): (usize, usize), exit: Option<Exit>) {
         let continues = self.last.is_some_and(|last| last + 1 == number);
         self.last = Some(number);
@@ -101,8 +101,8 @@ impl std::fmt::Display for Ranges {
         f.write_str(&ranges.join(", "))?;
         match self.more {
             0 => Ok(()),
-            1 => f.write_str(" and once more"),
-            more => write!(f, " and {more} more times"),
+            1 => f.write_str(" and 1 more range"),
+            more => write!(f, " and {more} more ranges"),
         }
     }
 }
@@ -425,11 +425,11 @@ mod tests {
         }
         assert_eq!(
             ranges.to_string(),
-            "3 to 5, 9, 11 to 12, 20, 30, 40 to 41 and once more"
+            "3 to 5, 9, 11 to 12, 20, 30, 40 to 41 and 1 more range"
         );
         ranges.add((60, 60), None);
         assert!(
-            ranges.to_string().ends_with(" and 2 more times"),
+            ranges.to_string().ends_with(" and 2 more ranges"),
             "{ranges}"
         );
         // A live camera left out what is in between.

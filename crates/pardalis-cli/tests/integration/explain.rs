@@ -382,3 +382,18 @@ fn the_guide_has_a_section_for_each_verdict_in_their_order() {
     let verdicts = Verdict::ALL.map(Verdict::name);
     assert_eq!(sections[..verdicts.len()], verdicts);
 }
+
+#[test]
+fn a_ball_is_no_rival_of_itself() {
+    let place = Workplace::with_frames(0);
+    let frames = data().join("../dioptric-jump/frames");
+    let scene = detected("orange-ball.hsi.colors.toml")
+        .replace("\"images\"", &format!("{:?}", frames.to_str().unwrap()));
+    explained(&place, &scene, &[]).fine();
+    // In some frames its outline is fitted at two distances.
+    let rows = candidates(&place, "out");
+    let count = |verdict: &str| rows.iter().filter(|row| row[15] == verdict).count();
+    assert!(count("target") > 80 && count("same-place") > 0);
+    let rival = rows.iter().find(|row| row[15] == "rival");
+    assert_eq!(rival, None);
+}

@@ -91,7 +91,7 @@ pub enum Verdict {
     NoColors,
     /// It was not examined, because larger blobs or likelier candidates were.
     Surplus,
-    /// The fit led to the position of another candidate, or there was none because the target had surely been detected there, or in one of the blobs whose rays meet
+    /// The fit led to the position of another candidate, or to another outline that is seen at the same place, or there was none because the target had surely been detected there, or in one of the blobs whose rays meet
     /// there.
     SamePlace,
     /// Its pixel, or most of its outline, lies outside the image, the mask or the domain of the camera model.
@@ -118,7 +118,7 @@ pub enum Verdict {
     Stray,
     /// It is another target that looks the same.
     LookAlike,
-    /// Another candidate is as likely the target, or likelier.
+    /// Another candidate, seen elsewhere, is as likely the target, or likelier.
     Rival,
     /// It may be the target, but is not certain enough yet.
     Unconfirmed,

@@ -35,7 +35,7 @@ pub(super) use visibility::Visibility;
 use nalgebra::Vector3;
 
 use super::camera_agreement::ComparisonSums;
-use super::candidate::{Candidate, Verdict};
+use super::candidate::Candidate;
 use super::existence::ExistenceSettings;
 use super::measurements::Measurements;
 use super::member::Member;
@@ -424,7 +424,7 @@ impl DetectedTarget {
             self.turn_to(found);
         }
         let winner = self.challenge(&associated, number, time_s);
-        self.conclude(&associated, winner.or(number), &mut candidates);
+        self.conclude(instant, &associated, winner.or(number), &mut candidates);
         if self.detector.has_searched() && self.member.is_none() {
             self.note_clutter(&associated, number);
         }
@@ -595,27 +595,6 @@ impl DetectedTarget {
         self.turn_to(associated[number].detection);
         self.adaptations.fill(Adaptation::default());
         Some(number)
-    }
-
-    /// Notes which candidate is the target, given its number among those associated. Others against which nothing speaks are its rivals; without a target
-    /// they are one another's.
-    fn conclude(
-        &self,
-        associated: &[AssociatedDetection],
-        target: Option<usize>,
-        candidates: &mut [Candidate],
-    ) {
-        let is_tracking = self.track.state() == TrackState::Tracking;
-        let target = target.filter(|_| is_tracking);
-        if let Some(target) = target {
-            let detection = &self.detector.detections()[associated[target].detection];
-            candidates[detection.candidate()].verdict = Verdict::Target;
-        }
-        let is_open = |candidate: &&mut Candidate| candidate.verdict == Verdict::Unconfirmed;
-        if target.is_some() || candidates.iter_mut().filter(is_open).count() > 1 {
-            let open = candidates.iter_mut().filter(is_open);
-            open.for_each(|candidate| candidate.verdict = Verdict::Rival);
-        }
     }
 
     /// The detection at the estimate, if the target is certainly there.

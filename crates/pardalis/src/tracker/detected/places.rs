@@ -4,6 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::DetectedTarget;
 use super::association::AssociatedDetection;
+use crate::tracker::TrackState;
+use crate::tracker::candidate::{Candidate, Verdict};
 use crate::tracker::track::Instant;
 use pardalis_filter::bernoulli::MeasurementComponent;
 use pardalis_filter::estimate::covariance_matrix;
@@ -37,12 +39,12 @@ impl Place {
         let information = both_m2.try_inverse();
         information.is_some_and(|information| off_m.dot(&(information * off_m)) > sigmas * sigmas)
     }
+}
 
-    /// How far it is from the ray on which another is seen from a viewpoint, all in metres.
-    fn across_m(&self, other: &Self, viewpoint_m: Vector3<f64>) -> f64 {
-        let to_other = other.position_m - viewpoint_m;
-        to_other.cross(&(self.position_m - viewpoint_m)).norm() / to_other.norm()
-    }
+/// How far a position is from the ray on which another is seen from a viewpoint, all in metres.
+fn across_m(position_m: Vector3<f64>, other_m: Vector3<f64>, viewpoint_m: Vector3<f64>) -> f64 {
+    let to_other_m = other_m - viewpoint_m;
+    to_other_m.cross(&(position_m - viewpoint_m)).norm() / to_other_m.norm()
 }
 
 /// The number of the place from which a position (metres) is fewest standard deviations away.
@@ -57,7 +59,68 @@ fn nearest(places: &[Place], position_m: [f64; 3]) -> usize {
     least.map_or(0, |(number, _)| number)
 }
 
+/// Whether one of two positions is seen elsewhere than the other by any camera: farther across than `same_m`, all in metres. In one direction there are several
+/// distances, or several outlines, of one target.
+fn is_elsewhere(instant: &Instant, [one_m, other_m]: [Vector3<f64>; 2], same_m: f64) -> bool {
+    let mut cameras = instant.frames.iter().map(|(camera, _)| *camera);
+    cameras.any(|camera| {
+        let viewpoint_m = instant.views[camera].viewpoint_m();
+        across_m(one_m, other_m, viewpoint_m) > same_m
+    })
+}
+
 impl DetectedTarget {
+    /// The distance across up to which two detections may be of one target, metres.
+    fn same_place_m(&self) -> f64 {
+        self.tuning.existence.same_place_diameters * self.diameter_m()
+    }
+
+    /// Notes which candidate is the target, given its number among those associated. Others against which nothing speaks are its rivals if they are seen elsewhere; without a
+    /// target they are one another's.
+    pub(super) fn conclude(
+        &self,
+        instant: &Instant,
+        associated: &[AssociatedDetection],
+        target: Option<usize>,
+        candidates: &mut [Candidate],
+    ) {
+        let is_tracking = self.track.state() == TrackState::Tracking;
+        let target = target.filter(|_| is_tracking);
+        let target = target.map(|target| {
+            let detection = &self.detector.detections()[associated[target].detection];
+            detection.candidate()
+        });
+        if let Some(target) = target {
+            candidates[target].verdict = Verdict::Target;
+        }
+        let is_open = |candidate: &Candidate| candidate.verdict == Verdict::Unconfirmed;
+        let Some(first) = target.or_else(|| candidates.iter().position(is_open)) else {
+            return;
+        };
+        let Some(first_m) = candidates[first].position_m.map(Vector3::from) else {
+            return;
+        };
+        let same_m = self.same_place_m();
+        let mut has_rival = false;
+        for (number, candidate) in candidates.iter_mut().enumerate() {
+            if number == first || !is_open(candidate) {
+                continue;
+            }
+            let is_rival = candidate.position_m.is_some_and(|position_m| {
+                is_elsewhere(instant, [position_m.into(), first_m], same_m)
+            });
+            candidate.verdict = if is_rival {
+                Verdict::Rival
+            } else {
+                Verdict::SamePlace
+            };
+            has_rival |= is_rival;
+        }
+        if has_rival && target.is_none() {
+            candidates[first].verdict = Verdict::Rival;
+        }
+    }
+
     /// Returns whether the target, if it exists, is at one of the detections rather than at any of them. Leaves out the particles elsewhere then: the mean of all is
     /// between the detections.
     pub(super) fn is_at_one_place(
@@ -66,7 +129,7 @@ impl DetectedTarget {
         associated: &[AssociatedDetection],
     ) -> bool {
         let tuning = &self.tuning.existence;
-        let same_m = tuning.same_place_diameters * self.diameter_m();
+        let same_m = self.same_place_m();
         let places = &mut self.buffers.places;
         places.clear();
         places.extend(
@@ -89,13 +152,8 @@ impl DetectedTarget {
         };
         let mut share = 0.0;
         for place in places.iter_mut() {
-            // In one direction there are several distances, or several outlines, of one target.
-            let is_elsewhere_in = |camera: usize| {
-                let viewpoint_m = instant.views[camera].viewpoint_m();
-                place.across_m(&likeliest, viewpoint_m) > same_m
-            };
-            let mut cameras = instant.frames.iter().map(|(camera, _)| *camera);
-            let is_elsewhere = cameras.any(is_elsewhere_in);
+            let both_m = [place.position_m, likeliest.position_m];
+            let is_elsewhere = is_elsewhere(instant, both_m, same_m);
             place.is_kept =
                 !(is_elsewhere && place.is_distinct_from(&likeliest, tuning.same_place_sigmas));
             if place.is_kept {
