@@ -157,7 +157,7 @@ fn blind_cameras(run: &Run) -> Vec<String> {
             let (seen, blind) = (contribution.visible_frames, contribution.blind_frames);
             format!(
                 "warning: cameras.{}: saw {} in {seen} of {} frames in which it had its place in view, as the other cameras show; if nothing hides it there, \
-                 learn its colours from images of this camera, too (the white balance of cameras differs), or check the camera's pose",
+                 learn its colours from images of this camera, too (the white balance of cameras differs), or check the camera's pose, and that the images are its own",
                 camera.name,
                 target.name,
                 seen + blind,

@@ -12,12 +12,19 @@ use serde_json::{Value, json};
 const UNEXPLAINED_PX: f64 = 1.0;
 /// Fewer comparisons say nothing. Hand-set: a second, as for errors that are explained.
 const MIN_COMPARISONS: usize = 25;
+/// Fewer frames in which a camera and others show the target say nothing. Hand-set: two seconds.
+const MIN_SIGHTINGS: usize = 50;
+/// Below this share of them the cameras could hardly be compared. Experiment: above 0.7 if all are right and nothing hides the target for long, and below 0.25 with clocks that are
+/// wrong by more than the time between frames.
+const MIN_COMPARED_SHARE: f64 = 1.0 / 3.0;
 
 /// Returns a warning if cameras disagree: by how much, which may be wrong, and what to do.
 pub(crate) fn warning(scene: &Scene, tracker: &Tracker) -> Option<String> {
     let names = scene.cameras.iter().map(|camera| &*camera.name);
     let agreements: Vec<_> = names.zip(tracker.camera_agreement()).collect();
-    explained(&agreements).or_else(|| unexplained(&agreements))
+    explained(&agreements)
+        .or_else(|| unexplained(&agreements))
+        .or_else(|| uncompared(&agreements))
 }
 
 /// Returns the warning that names the likely errors.
@@ -63,6 +70,32 @@ fn unexplained(agreements: &[(&str, CameraAgreement)]) -> Option<String> {
         "warning: {}: off by up to {px:.1} pixels from where other cameras show the target, and neither pose, focal length nor clock alone explains \
          it: check all of them, and in annotated frames (--annotate) whether all cameras show the same thing",
         listed(off.map(|(name, _)| *name))
+    ))
+}
+
+/// Returns the warning of cameras that show the target and could hardly be compared: what they show is too far apart to be sure that it is the same.
+fn uncompared(agreements: &[(&str, CameraAgreement)]) -> Option<String> {
+    let is_uncompared = |agreement: &CameraAgreement| {
+        agreement.sightings >= MIN_SIGHTINGS
+            && (agreement.comparisons as f64) < MIN_COMPARED_SHARE * agreement.sightings as f64
+    };
+    let cameras = agreements
+        .iter()
+        .filter(|(_, agreement)| is_uncompared(agreement));
+    // One alone is one that is often hidden.
+    if cameras.clone().count() < 2 {
+        return None;
+    }
+    let [mut compared, mut sightings] = [0; 2];
+    for (_, agreement) in cameras.clone() {
+        compared += agreement.comparisons;
+        sightings += agreement.sightings;
+    }
+    Some(format!(
+        "warning: {}: could be compared in only {compared} of the {sightings} frames in which they showed the target: in the others it was partly hidden, or \
+         they did not show it at one place; if nothing hid it, check their clocks (`pardalis calibrate time`), their poses, and in annotated frames \
+         (--annotate) whether all cameras show the same thing",
+        listed(cameras.map(|(name, _)| *name))
     ))
 }
 
@@ -117,9 +150,10 @@ pub(crate) fn entry(tracker: &Tracker, camera: usize) -> Option<Value> {
         entry["explained_share"] = json!(error.explained_share);
         entry
     });
-    (agreement.comparisons > 0).then(|| {
+    (agreement.sightings > 0).then(|| {
         json!({
             "comparisons": agreement.comparisons,
+            "sightings": agreement.sightings,
             "residual_px": agreement.residual_px,
             "likely_error": error,
         })
@@ -134,6 +168,7 @@ mod tests {
     fn cameras_that_disagree_for_no_known_reason_are_named() {
         let camera = |residual_px: f64, comparisons: usize| CameraAgreement {
             comparisons,
+            sightings: 100,
             residual_px,
             likely_error: None,
         };
@@ -147,6 +182,26 @@ mod tests {
         let warning = unexplained(&wrong).unwrap();
         assert!(
             warning.starts_with("warning: cameras.left, cameras.right: off by up to 10.0 pixels from where other cameras"),
+            "{warning}"
+        );
+    }
+
+    #[test]
+    fn cameras_that_hardly_could_be_compared_are_named() {
+        let camera = |comparisons: usize, sightings: usize| CameraAgreement {
+            comparisons,
+            sightings,
+            residual_px: 1.2,
+            likely_error: None,
+        };
+        let off = ("left", camera(11, 68));
+        for other in [camera(67, 68), camera(11, 33), camera(3, 8)] {
+            assert_eq!(uncompared(&[off, ("right", other)]), None);
+        }
+        let warning = uncompared(&[off, ("top", camera(90, 100)), ("right", camera(8, 67))]);
+        let warning = warning.unwrap();
+        assert!(
+            warning.starts_with("warning: cameras.left, cameras.right: could be compared in only 19 of the 135 frames in which"),
             "{warning}"
         );
     }

@@ -10,6 +10,9 @@ use crate::view::View;
 pub struct CameraAgreement {
     /// The number of frames in which a target's outline was compared with where other cameras put it.
     pub comparisons: usize,
+    /// The number of frames in which this camera showed the target where it was tracked, and others did at the same time or just before. Those in which it may not be there, or
+    /// is partly hidden, are not compared.
+    pub sightings: usize,
     /// By how much the outlines' middles were off, root mean square, in pixels, along the directions in which the cameras can disagree: 0.1 to 0.25 if all are right.
     pub residual_px: f64,
     /// The error of this camera that explains most of what all cameras disagree by; `None` if they agree, or if errors of other cameras explain more.
@@ -78,6 +81,7 @@ fn of_parameters(off_px: &Vector2<f64>, velocity_px: &Vector2<f64>) -> SMatrix<f
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ComparisonSums {
     principal_px: Vector2<f64>,
+    sightings: usize,
     comparisons: usize,
     weight: f64,
     /// The weighted squares of innovations, in units of their covariances: of one pixel per camera.
@@ -94,6 +98,7 @@ impl ComparisonSums {
         let principal_px = view.camera().project([0.0, 0.0, 1.0]).unwrap_or(middle_px);
         Self {
             principal_px: principal_px.into(),
+            sightings: 0,
             comparisons: 0,
             weight: 0.0,
             squares: 0.0,
@@ -104,9 +109,15 @@ impl ComparisonSums {
 
     /// Forgets all innovations.
     pub(super) fn reset(&mut self) {
-        (self.comparisons, self.weight, self.squares) = (0, 0.0, 0.0);
+        (self.sightings, self.comparisons) = (0, 0);
+        (self.weight, self.squares) = (0.0, 0.0);
         self.information = SMatrix::zeros();
         self.gradient = SVector::zeros();
+    }
+
+    /// Counts a frame in which this camera shows the target, and others do or just did.
+    pub(super) fn count_sighting(&mut self) {
+        self.sightings += 1;
     }
 
     /// Adds an innovation of an outline at a place in the image that moves with a velocity in pixels per second.
@@ -146,6 +157,7 @@ impl ComparisonSums {
 
     /// Adds those of another target.
     fn merge(&mut self, other: &Self) {
+        self.sightings += other.sightings;
         self.comparisons += other.comparisons;
         self.weight += other.weight;
         self.squares += other.squares;
@@ -290,7 +302,10 @@ pub(super) fn agreements<'s>(
     let most = errors.flatten().fold(0.0, f64::max);
     let agreement = |sums: &Option<ComparisonSums>| {
         let Some(sums) = sums.filter(|sums| sums.weight > 0.0) else {
-            return CameraAgreement::default();
+            return CameraAgreement {
+                sightings: sums.map_or(0, |sums| sums.sightings),
+                ..CameraAgreement::default()
+            };
         };
         let error = sums.best_error();
         let is_likely = |error: &LikelyError| {
@@ -299,6 +314,7 @@ pub(super) fn agreements<'s>(
         };
         CameraAgreement {
             comparisons: sums.comparisons,
+            sightings: sums.sightings,
             residual_px: (sums.squares / sums.weight).sqrt(),
             likely_error: error.map(|(error, _)| error).filter(is_likely),
         }

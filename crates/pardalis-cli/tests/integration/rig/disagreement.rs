@@ -20,7 +20,14 @@ const TURNED: &str = "world_from_camera = [
 
 /// Tracks the ball with these settings of one camera. Returns the errors that the program names, by camera.
 fn likely_errors(camera: &'static str, settings: &str) -> (String, Vec<(&'static str, Value)>) {
-    let rig = Rig::new();
+    likely_errors_of(&Rig::new(), camera, settings)
+}
+
+fn likely_errors_of(
+    rig: &Rig,
+    camera: &'static str,
+    settings: &str,
+) -> (String, Vec<(&'static str, Value)>) {
     rig.edit(camera, settings);
     let run = rig.track_ball(BALL);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
@@ -61,6 +68,20 @@ fn a_wrong_clock_is_named_with_its_offset() {
     };
     let correction_s = error["correction_s"].as_f64().unwrap();
     assert!((correction_s + 0.04).abs() < 0.01, "{error}");
+}
+
+#[test]
+fn a_wrong_clock_of_slow_cameras_is_named() {
+    let rig = Rig::new();
+    for camera in Rig::CAMERAS {
+        rig.times(camera, false, |place| (place as f64 / 6.0, 0.0));
+    }
+    let (stderr, errors) = likely_errors_of(&rig, "cam3", "time_offset_s = 0.06\n");
+    let [("cam3", error)] = &errors[..] else {
+        panic!("{errors:?} {stderr}");
+    };
+    let correction_s = error["correction_s"].as_f64().unwrap();
+    assert!((correction_s + 0.06).abs() < 0.015, "{error}");
 }
 
 #[test]

@@ -38,6 +38,8 @@ struct CameraState {
     variance_px2: f64,
     /// The number of comparisons so far.
     comparisons: u32,
+    /// When it showed the target last, seconds.
+    seen_s: f64,
     /// The outlines of the latest frame and of those before, without a gap, the latest first.
     outlines: [Option<Outline>; 3],
     sums: ComparisonSums,
@@ -107,6 +109,7 @@ impl Agreement {
         let state = |view: &View| CameraState {
             variance_px2: tuning.sigma_px.powi(2),
             comparisons: 0,
+            seen_s: f64::NEG_INFINITY,
             outlines: [None; 3],
             sums: ComparisonSums::new(view),
             systematic_px2: 0.0,
@@ -123,6 +126,7 @@ impl Agreement {
         for camera in &mut self.cameras {
             camera.variance_px2 = tuning.sigma_px.powi(2);
             camera.comparisons = 0;
+            camera.seen_s = f64::NEG_INFINITY;
             camera.outlines = [None; 3];
             camera.sums.reset();
             camera.systematic_px2 = 0.0;
@@ -136,6 +140,29 @@ impl Agreement {
             self.cameras[camera].variance_px2.sqrt()
         } else {
             0.0
+        }
+    }
+
+    /// Notes that these cameras show the target. It counts as a sighting if others do or just did, so that they could be compared.
+    pub(super) fn note_sighting(
+        &mut self,
+        cameras: impl Iterator<Item = usize> + Clone,
+        time_s: f64,
+        tuning: &AgreementTuning,
+    ) {
+        let just = |seen_s: f64| time_s - seen_s <= tuning.max_age_s;
+        let together = cameras.clone().count() > 1;
+        for camera in cameras.clone() {
+            let has_other = (self.cameras.iter().enumerate())
+                .any(|(other, state)| other != camera && just(state.seen_s));
+            let state = &mut self.cameras[camera];
+            // A frame between those of others is compared once there is another one of its camera.
+            if together || has_other && just(state.seen_s) {
+                state.sums.count_sighting();
+            }
+        }
+        for camera in cameras {
+            self.cameras[camera].seen_s = time_s;
         }
     }
 
@@ -356,5 +383,39 @@ fn innovation(seen: &Seen, variance_px2: f64, others: &Joint) -> Innovation {
 impl Outline {
     fn is_recent(&self, time_s: f64, tuning: &AgreementTuning) -> bool {
         time_s - self.time_s <= tuning.max_age_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tracker::camera_agreement::agreements;
+    use pardalis_camera::{Camera, Pinhole, Pose};
+
+    /// The sightings of two cameras that show the target at these times, in seconds.
+    fn sightings(seen: &[(&[usize], f64)]) -> [usize; 2] {
+        let camera = Camera::Pinhole(Pinhole::new([300.0; 2], [159.5, 119.5], &[]).unwrap());
+        let view = View::new(camera, Pose::identity(), (320, 240), None).unwrap();
+        let tuning = AgreementTuning::DEFAULT;
+        let mut agreement = Agreement::new(&[view.clone(), view], &tuning);
+        for (cameras, time_s) in seen {
+            agreement.note_sighting(cameras.iter().copied(), *time_s, &tuning);
+        }
+        let found = agreements(2, agreement.sums().enumerate(), &tuning);
+        assert!(found.iter().all(|camera| camera.comparisons == 0));
+        [0, 1].map(|camera| found[camera].sightings)
+    }
+
+    #[test]
+    fn sightings_are_frames_that_could_be_compared() {
+        assert_eq!(sightings(&[(&[0, 1], 0.0), (&[0, 1], 1.0)]), [2, 2]);
+        // Each between those of the other; the first one has nothing to be interpolated from.
+        let alternating: [(&[usize], f64); 4] =
+            [(&[0], 0.0), (&[1], 0.1), (&[0], 0.2), (&[1], 0.3)];
+        assert_eq!(sightings(&alternating), [1, 1]);
+        // One alone, and frames that are too far apart.
+        assert_eq!(sightings(&[(&[0], 0.0), (&[0], 0.1), (&[0], 0.2)]), [0, 0]);
+        let slow = alternating.map(|(cameras, time_s)| (cameras, 3.0 * time_s));
+        assert_eq!(sightings(&slow), [0, 0]);
     }
 }

@@ -187,6 +187,8 @@ impl DetectedTarget {
         });
         let before = self.size_error_m2();
         let detection = &self.detector.detections()[target.detection];
+        self.agreement
+            .note_sighting(detection.cameras(), time_s, &self.tuning.agreement);
         self.sights
             .note(detection, target, time_s, predicted, before);
         self.outline = Outline::of(detection, &self.tuning.detection);
