@@ -47,7 +47,6 @@ fn landings_of_a_ball_with_drag_and_spin_are_predicted() {
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let path = place.path().join("made/scene.toml");
     let scene = fs::read_to_string(&path).unwrap();
-    let (scene, _) = scene.split_once("motion.constant_velocity").unwrap();
     let plane = format!("crossing.point_m = [0, 0, {LANDS_Z_M}]\n");
     fs::write(&path, format!("{scene}{plane}")).unwrap();
     let run = Run::pardalis(&place, &["track", "made/scene.toml", "-o", "out"]);
@@ -103,7 +102,7 @@ fn landings_of_a_ball_with_drag_and_spin_are_predicted() {
     assert!(run.stderr.contains(warning), "{}", run.stderr);
 
     // A run without a plane leaves none of these rows.
-    fs::write(&path, scene).unwrap();
+    fs::write(&path, &scene).unwrap();
     let run = Run::pardalis(
         &place,
         &["track", "made/scene.toml", "-o", "out", "--frames", "2"],

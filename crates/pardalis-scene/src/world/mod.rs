@@ -25,8 +25,8 @@ pub struct WorldConfig {
     pub world: World,
     /// Number of labelled stills from which colours are learned.
     pub training_stills: usize,
-    /// Standard deviation of the targets' starts in the scene, on each axis, in metres.
-    pub start_sigma_m: f64,
+    /// Standard deviation of the targets' starts in the scene, on each axis, in metres; `None` if the scene finds them without a start.
+    pub start_sigma_m: Option<f64>,
     /// The detector by whose boxes the scene tracks the targets, in place of their colours.
     pub detector: Option<Detector>,
 }
@@ -43,8 +43,6 @@ const MAX_DISTANCE_M: f64 = 10_000.0;
 impl WorldConfig {
     /// Default number of stills for learning colours.
     pub const DEFAULT_TRAINING_STILLS: usize = 6;
-    /// Default standard deviation of starts, in metres.
-    pub const DEFAULT_START_SIGMA_M: f64 = 0.05;
 
     /// Reads a world's text. The caller reads the calibration files that the world names. Returns every problem on
     /// failure, in the order of lines.
@@ -93,10 +91,10 @@ impl WorldConfig {
         let start_sigma_m = table
             .key(
                 "start_sigma_m",
-                "Standard deviation of the starts in the scene that is written.",
+                "Gives the targets starts in the scene that is written, with this standard deviation, and with them the published contour cue. Without it, the scene finds them by itself, with default settings.",
             )
             .within(0.0..=100.0)
-            .or(Self::DEFAULT_START_SIGMA_M);
+            .optional();
         let about = "A detector whose boxes are written, too: the scene tracks the targets by them, and not by their colours.";
         let detector = table.section("detector", about, |table| Some(read_detector(table)));
         let ground = table.section("ground", "The floor.", read_ground);

@@ -108,7 +108,6 @@ pub(super) fn colors_of(target: &Object) -> String {
 }
 
 fn push_target(text: &mut String, object: &Object, placed: &Placed, config: &WorldConfig) {
-    let sigma_m = config.start_sigma_m;
     let shape = match object.body {
         Body::Sphere { radius_m } => format!("sphere.radius_m = {radius_m:?}"),
         Body::Cylinder { radius_m, height_m } => {
@@ -120,17 +119,7 @@ fn push_target(text: &mut String, object: &Object, placed: &Placed, config: &Wor
         }
         _ => unreachable!("world files allow only spheres, cylinders and boxes as targets"),
     };
-    let motion = match object.body {
-        Body::Sphere { .. } => "constant_velocity",
-        _ => "planar_constant_velocity",
-    };
-    // Only bounces are abrupt; all other motion is smooth.
-    let density = match &object.course {
-        Course::Path(Path::Throw(_)) => 100.0,
-        _ => 2.0,
-    };
     let (name, colors) = (object.target_name(), colors_of(object));
-    // The published cues track neither crowds nor bodies that turn: both are found without a start.
     let count = object.crowd.as_ref().map(|_| "count = \"any\"\n");
     if let Some(detector) = &config.detector {
         let _ = write!(
@@ -143,14 +132,25 @@ fn push_target(text: &mut String, object: &Object, placed: &Placed, config: &Wor
         );
         return;
     }
-    if count.is_some() || matches!(object.body, Body::Box { .. }) {
+    // The published cues track neither crowds nor bodies that turn: both are found without a start.
+    let is_found = count.is_some() || matches!(object.body, Body::Box { .. });
+    let Some(sigma_m) = config.start_sigma_m.filter(|_| !is_found) else {
         let count = count.unwrap_or_default();
         let _ = write!(
             text,
             "\n[targets.{name}]\n{count}shape.{shape}\ncolors = \"{colors}\"\n"
         );
         return;
-    }
+    };
+    let motion = match object.body {
+        Body::Sphere { .. } => "constant_velocity",
+        _ => "planar_constant_velocity",
+    };
+    // Only bounces are abrupt; all other motion is smooth.
+    let density = match &object.course {
+        Course::Path(Path::Throw(_)) => 100.0,
+        _ => 2.0,
+    };
     let shown = |v: [f64; 3]| v.map(|c| c + 0.0);
     let _ = write!(
         text,
