@@ -83,7 +83,7 @@ pub(super) fn read_existence(
         settings.ground_z_m = existence
             .key(
                 "ground_z_m",
-                "Height of the ground in the world, for targets that stay on it.",
+                "Height of the ground in the world, for targets with planar motion, which stay on it. Of a ball, the height of its centre, and by default its radius.",
             )
             .within(-1e6..=1e6)
             .or(default.ground_z_m);

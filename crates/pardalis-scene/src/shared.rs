@@ -165,13 +165,18 @@ pub(super) fn read_shared(
         return None;
     }
     match cues {
-        Some(CuesConfig::Edge(edge)) => Some(Shared::Detected {
-            edge,
-            detector,
-            motion: read_detected_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS),
-            particles: read_detected_particles(table),
-            existence: read_existence(table, ExistenceSettings::default()),
-        }),
+        Some(CuesConfig::Edge(edge)) => {
+            let motion =
+                read_detected_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS);
+            let existence = standing(ExistenceSettings::default(), shape, motion);
+            Some(Shared::Detected {
+                edge,
+                detector,
+                motion,
+                particles: read_detected_particles(table),
+                existence: read_existence(table, existence),
+            })
+        }
         Some(CuesConfig::Published(cues)) => {
             if table.knows("existence") {
                 let message = "needs the edge cue: the published cues track a target that always exists; remove it, or replace them by edge";
@@ -212,12 +217,27 @@ pub(super) fn read_boxed(
         ConstantVelocity::BETWEEN_VELOCITY_JUMPS,
         ExistenceSettings::default(),
     ));
+    let motion = read_detected_motion(table, shape, motion);
     Shared::Boxed {
         detector,
-        motion: read_detected_motion(table, shape, motion),
+        motion,
         particles: read_detected_particles(table),
-        existence: read_existence(table, existence),
+        existence: read_existence(table, standing(existence, shape, motion)),
     }
+}
+
+/// Settings of a body that stays on the floor z = 0 if its motion is planar: the position of a ball is its centre.
+fn standing(
+    mut existence: ExistenceSettings,
+    shape: Option<&Shape>,
+    motion: Option<Motion>,
+) -> ExistenceSettings {
+    if let Some(ball @ Shape::Sphere(_)) = shape
+        && motion.is_some_and(|motion| motion.is_planar())
+    {
+        existence.ground_z_m = 0.5 * ball.diameter_m();
+    }
+    existence
 }
 
 /// Reads the motion of a target that is searched for.

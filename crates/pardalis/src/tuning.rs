@@ -140,7 +140,7 @@ tuned! {
         /// No step moves the outline farther than this.
         max_shift_px: f64 = 3.5, "pixels", "hand-set: lines reach 5 px";
         /// Steps that move the outline less end a round.
-        min_shift_px: f64 = 0.02, "pixels", "hand-set: far below the noise of edges";
+        min_shift_px: f64 = 0.01, "pixels", "hand-set: far below the noise of edges";
         /// When an outline is judged, each sector may deviate from it by up to this.
         judged_tolerance_px: f32 = 0.5, "pixels", "hand-set: larger ones excuse the corners of boxes";
         /// By how much it is less likely that an outline is a rectangle than that it is anything else but the ball.

@@ -148,6 +148,24 @@ pub(crate) fn image_names(folder: &Path) -> Result<Vec<String>> {
     Ok(list_images(folder)?.into_iter().map(name).collect())
 }
 
+/// The names of the folders with images in a folder, in order, the first few.
+fn folders_with_images(folder: &Path) -> Vec<String> {
+    const MOST: usize = 4;
+    let entries_of = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let holds_images = |folder: &Path| entries_of(folder).any(|entry| is_image_name(&entry.path()));
+    let folders = entries_of(folder).map(|entry| entry.path());
+    let mut names: Vec<String> = folders
+        .filter(|path| path.is_dir() && holds_images(path))
+        .filter_map(|path| {
+            path.file_name()
+                .map(|name| in_line(&name.to_string_lossy()))
+        })
+        .collect();
+    names.sort_unstable();
+    names.truncate(MOST);
+    names
+}
+
 /// Lists the images of a folder in natural order, each with its index in time.
 ///
 /// If all names end in a number, the index is that number minus the first one, so that a missing file
@@ -181,6 +199,15 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
             return Err(user_error!(
                 "{}: the folder holds no images, but recordings; give one of them: {recordings}",
                 folder.shown()
+            ));
+        }
+        let folders = folders_with_images(folder);
+        if !folders.is_empty() {
+            return Err(user_error!(
+                "{}: the folder holds no images, but folders with images: {}; give one of them; for several cameras, write a scene with a table \
+                 [cameras.NAME] for each (docs/several-cameras.md)",
+                folder.shown(),
+                folders.join(", ")
             ));
         }
         return Err(user_error!(

@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::merge::{FrameCounts, FrameSet, Limit, Merge};
 use crate::capture_clock::CaptureClock;
 use crate::interrupt::Stop;
+use crate::numbers::fixed;
 use crate::source::{Delivery, Source};
 use crate::timing::now_s;
 
@@ -121,7 +122,8 @@ impl<'a> FrameSets<'a> {
                         None => "it gave no frame",
                     });
                     self.warnings.extend(reason.map(|reason| {
-                        let at = time_s.map_or_else(String::new, |s| format!(" at {s} s"));
+                        let at =
+                            time_s.map_or_else(String::new, |s| format!(" at {} s", fixed(s, 3)));
                         format!("cameras.{name}: stopped{at}: {reason}")
                     }));
                     reason.map(str::to_owned)

@@ -300,6 +300,7 @@ fn a_missing_input_is_reported_before_an_existing_scene() {
     place.write("scene.toml", "");
     init(&place, &["nothere.mp4"]).refused(&["nothere.mp4: no such file or folder"]);
     init(&place, &["images"]).refused(&["scene.toml: already exists"]);
+    init(&place, &["."]).refused(&[".: the folder holds no images, but folders with images: images; give one of them; for several cameras"]);
     init(&place, &["images", "--pixel", "-5,270"]).refused(&["--pixel -5,270: outside the image"]);
     init(&place, &["images", "--colors", "images"]).refused(&["--colors: images is a folder"]);
 }

@@ -122,7 +122,7 @@ pub struct ExistenceSettings {
     pub motion_modes: bool,
     /// Rates of occlusion and reappearance in each camera.
     pub occlusion: OcclusionRates,
-    /// Height of the ground in the world, for targets that stay on it, metres.
+    /// Height of the ground in the world, for targets that stay on it, metres; of balls the height of their centres.
     pub ground_z_m: f64,
     /// Where the target can be.
     pub region: Region,

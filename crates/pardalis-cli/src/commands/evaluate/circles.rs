@@ -53,9 +53,14 @@ pub(crate) struct Circles {
     pub(crate) images: Vec<(Image, Option<Circle>)>,
 }
 
+/// The name of the object of a table without a column of objects.
+const NAMELESS: &str = "object";
+
 /// Reports whether a table has circles in place of positions.
 pub(super) fn has_circles(table: &Table) -> bool {
-    table.optional_column("radius_px").is_some() && table.optional_column("x_m").is_none()
+    // With a name misspelt, it is the one that is missing.
+    let has = |name: &str| table.optional_column(name).is_some();
+    !has("x_m") && (has("radius_px") || has("u_px") && has("v_px"))
 }
 
 /// Returns the circles in a table with the columns `time_s` or `frame`, `u_px`, `v_px` and `radius_px`; `object`, `camera` and `visible_fraction` are optional. Images whose
@@ -83,7 +88,7 @@ pub(crate) fn circles_of(table: &Table) -> Result<Vec<Circles>> {
             (None, None) => continue,
         };
         let of = |column: Option<_>| column.map(|column| row.text(column)).transpose();
-        let name = of(object)?.unwrap_or("object");
+        let name = of(object)?.unwrap_or(NAMELESS);
         let camera = of(camera)?;
         let visible_fraction = row.fraction(visible)?;
         let found = row.all_or_none(Some(circle))?;
@@ -558,9 +563,13 @@ impl fmt::Display for TargetCircles {
         let figures = &self.figures;
         writeln!(
             f,
-            "target {} against object {} in the images of {}: {} judged, {} with the object visible",
+            "target {} against {} in the images of {}: {} judged, {} with the object visible",
             self.target,
-            self.object,
+            if self.object == NAMELESS {
+                "the object".to_owned()
+            } else {
+                format!("object {}", self.object)
+            },
             self.camera,
             counted(figures.frames as u64, "image"),
             figures.visible_frames

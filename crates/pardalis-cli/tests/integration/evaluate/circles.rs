@@ -258,6 +258,11 @@ fn unusable_circles_are_refused_with_the_remedy() {
         "circles.csv, line 2, column v_px: is empty",
     );
     refused(
+        "frame,u_px,v_px,r\n0,10,10,5\n",
+        &[],
+        "circles.csv, line 1: column \"radius_px\" is missing; found: frame,u_px,v_px,r",
+    );
+    refused(
         &row("0.5,10,10,5"),
         &[],
         "column frame: holds \"0.5\"; allowed: a whole number",

@@ -308,8 +308,6 @@ fn simulate(place: &Workplace) -> Vec<Vec<Vec<u8>>> {
 fn cameras(place: &Workplace, settings: &Settings) -> Vec<Camera> {
     let images = simulate(place);
     let mut scene = fs::read_to_string(place.path("world/scene.toml")).unwrap();
-    // The target is found, not given.
-    scene.truncate(scene.find("[targets.ball.start").unwrap());
     let mut cameras = Vec::new();
     for (number, images) in images.into_iter().enumerate() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -75,7 +75,7 @@ fn a_camera_that_ends_early_does_not_stop_the_others() {
     let run = rig.track("");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let message =
-        "warning: cameras.cam3: stopped at 2.36 s: its frames end before those of others\n";
+        "warning: cameras.cam3: stopped at 2.360 s: its frames end before those of others\n";
     assert_eq!(run.stderr, message);
     rig.assert_followed();
     let stopped = &rig.summary()["cameras"]["cam3"]["stopped"];

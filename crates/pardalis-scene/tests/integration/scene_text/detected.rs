@@ -122,6 +122,22 @@ fn a_target_with_a_detector_needs_no_colors() {
 }
 
 #[test]
+fn a_ball_with_planar_motion_lies_on_the_floor() {
+    let planar = "motion.planar_constant_velocity.acceleration_density_m2ps3 = 2";
+    for (more, height_m) in [("", None), ("existence.ground_z_m = 0.5", Some(0.5))] {
+        let found = detected(&format!("{planar}\n{more}"));
+        let expected_m = height_m.unwrap_or(0.5 * found.shape.diameter_m());
+        assert_eq!(found.existence.ground_z_m, expected_m);
+        let boxed = with_detector(BOXES, &format!("detector = {{}}\n{planar}\n{more}"));
+        let boxed = boxed.unwrap().targets[0].bodies[0].settings(None, None);
+        let Ok(BodySettings::Boxed(boxed)) = boxed else {
+            panic!("a target with a detector alone");
+        };
+        assert_eq!(boxed.existence.ground_z_m, height_m.unwrap_or(0.11));
+    }
+}
+
+#[test]
 fn a_detector_beside_colors_serves_the_edge_cue() {
     let text = "colors = \"b.toml\"\nedge.correspondence_lines = 40\ndetector = { class = \"sports ball\", min_score = 0.25 }";
     let scene = with_detector(BOXES, text).unwrap();
