@@ -341,6 +341,9 @@ proptest! {
     }
 }
 
+/// A change of a filter, with its name.
+type Change<'a> = (&'a str, &'a mut dyn FnMut(&mut BernoulliFilter));
+
 #[test]
 fn whatever_changes_the_filter_changes_its_estimate() {
     let settings = BernoulliSettings::of(Motion::DEFAULT);
@@ -356,7 +359,7 @@ fn whatever_changes_the_filter_changes_its_estimate() {
         diagonal_m2([0.1; 3]),
     )
     .unwrap();
-    let mut changes: [(&str, &mut dyn FnMut(&mut BernoulliFilter)); 7] = [
+    let mut changes: [Change; 7] = [
         ("start", &mut |filter| {
             let start = GaussianStart {
                 position_m: [0.0, 0.0, 1.0],

@@ -425,7 +425,7 @@ fn better(check: &ImageCheck) -> String {
     let words = |outline: &Circle| {
         let [u, v] = outline.center_px;
         format!(
-            "; the outline: --circle {u:.1},{v:.1},{:.1}",
+            "; if that is right, the outline: --circle {u:.1},{v:.1},{:.1}",
             outline.radius_px
         )
     };
