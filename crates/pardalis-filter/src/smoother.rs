@@ -132,6 +132,9 @@ const LEAST_CHANGE_MPS: f64 = 0.6;
 /// ... nor by less than this many standard deviations. Hand-set.
 const CHANGE_SIGMAS: f64 = 4.0;
 
+/// The most states in a row, so close to a contact that it is open whether they are before or after it, over which one is looked for. Hand-set.
+const MOST_OPEN: usize = 3;
+
 /// The number of times between two states at which a contact is looked for.
 const INSTANTS: u32 = 100;
 
@@ -163,6 +166,11 @@ impl Timed {
             acceleration_mps2,
             velocity_variance_m2ps2: xx + yy + zz,
         }
+    }
+
+    /// Whether its velocity is so uncertain that a contact may be hidden in it, as right beside one: it may be that before or after.
+    fn is_open(&self) -> bool {
+        CHANGE_SIGMAS * (self.velocity_variance_m2ps2 / 3.0).sqrt() > LEAST_CHANGE_MPS
     }
 
     /// Position and velocity at another time.
@@ -214,6 +222,21 @@ impl Timed {
     }
 }
 
+/// Leaves out the few states between certain ones of which it is open whether they are before or after a contact.
+fn without_open(states: &[Timed]) -> Vec<Timed> {
+    let mut kept: Vec<Timed> = Vec::with_capacity(states.len());
+    for group in states.chunk_by(|a, b| a.is_open() == b.is_open()) {
+        let is_first = kept.is_empty();
+        let is_last =
+            group.last().map(|state| state.time_s) == states.last().map(|last| last.time_s);
+        let is_between = !is_first && !is_last;
+        if !(group[0].is_open() && group.len() <= MOST_OPEN && is_between) {
+            kept.extend_from_slice(group);
+        }
+    }
+    kept
+}
+
 /// Finds the contacts in a smoothed track: changes of the velocity of at least 0.6 m/s and four standard deviations. `states` are those of [`smooth`] for these measurements, with the same settings.
 pub fn contacts(
     measured: &[Measured],
@@ -224,6 +247,7 @@ pub fn contacts(
     let timed: Vec<Timed> = timed
         .filter_map(|(one, state)| Some(Timed::of(one.time_s, state.as_ref()?, settings)))
         .collect();
+    let timed = without_open(&timed);
     let mut contacts = Vec::new();
     let mut begin: Option<&Timed> = None;
     for pair in timed.windows(2) {

@@ -233,6 +233,13 @@ fn targets_on_a_plane_stay_on_it() {
     }
 }
 
+/// When the ball is thrown, bounces and lands.
+fn contact_times_s() -> [f64; 3] {
+    let first_s = 0.4 + (2.0 + (4.0 + 2.0 * GRAVITY_MPS2 * 0.9_f64).sqrt()) / GRAVITY_MPS2;
+    let bounce_mps = GRAVITY_MPS2 * (first_s - 0.4) - 2.0;
+    [0.4, first_s, first_s + 1.4 * bounce_mps / GRAVITY_MPS2]
+}
+
 #[test]
 fn contacts_are_found_within_half_a_frame() {
     let measured = measured_throw();
@@ -240,10 +247,8 @@ fn contacts_are_found_within_half_a_frame() {
     let states = smooth(&measured, &settings);
     let found = contacts(&measured, &states, &settings);
     let times_s: Vec<f64> = found.iter().map(|contact| contact.time_s).collect();
-    // The throw, the bounce and the landing.
-    let first_s = 0.4 + (2.0 + (4.0 + 2.0 * GRAVITY_MPS2 * 0.9_f64).sqrt()) / GRAVITY_MPS2;
-    let bounce_mps = GRAVITY_MPS2 * (first_s - 0.4) - 2.0;
-    let expected_s = [0.4, first_s, first_s + 1.4 * bounce_mps / GRAVITY_MPS2];
+    let expected_s = contact_times_s();
+    let bounce_mps = GRAVITY_MPS2 * (expected_s[1] - 0.4) - 2.0;
     assert_eq!(times_s.len(), 3, "{found:?}");
     for (found_s, expected_s) in times_s.iter().zip(expected_s) {
         assert!(
@@ -262,4 +267,31 @@ fn contacts_are_found_within_half_a_frame() {
     let rolling = &measured[48..];
     let states = smooth(rolling, &settings);
     assert!(contacts(rolling, &states, &settings).is_empty());
+}
+
+#[test]
+fn contacts_are_found_wherever_between_the_frames_they_are() {
+    let settings = ModeSettings::default();
+    let precise = [4e-6, 0.0, 0.0, 4e-6, 0.0, 4e-6];
+    for phase in 0..20 {
+        let one = |number: u32| {
+            let time_s = STEP_S * (f64::from(number) + 0.05 * f64::from(phase));
+            let place = thrown(time_s).0 + 0.002 * noise(60 * phase + number);
+            Measured {
+                time_s,
+                position: Some((place.into(), precise)),
+            }
+        };
+        let measured: Vec<Measured> = (0..60).map(one).collect();
+        let states = smooth(&measured, &settings);
+        let found = contacts(&measured, &states, &settings);
+        let times_s: Vec<f64> = found.iter().map(|contact| contact.time_s).collect();
+        assert_eq!(times_s.len(), 3, "{phase}: {times_s:?}");
+        for (found_s, expected_s) in times_s.iter().zip(contact_times_s()) {
+            assert!(
+                (found_s - expected_s).abs() < 0.25 * STEP_S,
+                "{phase}: {times_s:?}"
+            );
+        }
+    }
 }
