@@ -342,7 +342,7 @@ tuned! {
         /// How far variances tend to those of the other cameras.
         shared_share: f64 = 0.1, "share", "hand-set: two cameras do not tell whose error it is";
         /// Outlines are compared with those that other cameras showed up to this long ago.
-        max_age_s: f64 = 0.25, "seconds", "experiment: wrong clocks of cameras with 5 frames per second are named to 5 ms; between frames motion is known for as long";
+        max_age_s: f64 = 0.25, "seconds", "hand-set: cameras with 5 frames per second are compared, too; between frames motion is known for as long";
         /// Innovations beyond this count less when causes are compared.
         outlier_sigmas: f64 = 3.0, "standard deviations", "hand-set: as in statistics";
         /// The number of comparisons after which what they said of the cause has faded to a third.

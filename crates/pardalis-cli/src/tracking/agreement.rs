@@ -14,7 +14,7 @@ const UNEXPLAINED_PX: f64 = 1.0;
 const MIN_COMPARISONS: usize = 25;
 /// Fewer frames in which a camera and others show the target say nothing. Hand-set: two seconds.
 const MIN_SIGHTINGS: usize = 50;
-/// Below this share of them the cameras could hardly be compared. Experiment: above 0.7 if all are right and nothing hides the target for long, and below 0.25 with clocks that are
+/// Below this share of them the cameras could hardly be compared. Hand-set: above 0.7 if all are right and nothing hides the target for long, and below 0.25 with clocks that are
 /// wrong by more than the time between frames.
 const MIN_COMPARED_SHARE: f64 = 1.0 / 3.0;
 
