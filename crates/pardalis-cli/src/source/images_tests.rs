@@ -120,7 +120,18 @@ fn invalid_times_are_rejected_with_their_line() {
             "line 2: arrival_s is \"soon\"",
         ),
         ("frame,time_s\n0,1\n-1,2\n", "line 3: frame is \"-1\""),
-        ("frame,time_s\n0,1\n1\n", "line: 3"),
+        (
+            "frame,time_s\n0,1\n1\n",
+            "line 3: 1 values, and the header names 2 columns",
+        ),
+        (
+            "frame,time_s\n0,1\n1,2,5\n",
+            "line 3: 3 values, and the header names 2 columns; times have decimal points, not commas",
+        ),
+        (
+            "frame;time_s\n0;1\n",
+            "line 1: there is no column frame; the header must be frame,time_s or frame,time_s,arrival_s, with commas between",
+        ),
         ("frame,time\n0,1\n", "line 1: there is no column time_s"),
         ("", "line 1: there is no column frame"),
         (

@@ -55,7 +55,7 @@ pub(super) fn times_in(path: &Path, input: impl Read) -> Result<BTreeMap<u64, Im
     let find = |wanted: &str| header.iter().position(|column| column == wanted);
     let column = |wanted: &str| {
         find(wanted).ok_or_else(|| {
-            user_error!("{name}, line 1: there is no column {wanted}; the header must be frame,time_s or frame,time_s,arrival_s")
+            user_error!("{name}, line 1: there is no column {wanted}; the header must be frame,time_s or frame,time_s,arrival_s, with commas between")
         })
     };
     let (frame_column, time_column) = (column("frame")?, column("time_s")?);
@@ -63,8 +63,12 @@ pub(super) fn times_in(path: &Path, input: impl Read) -> Result<BTreeMap<u64, Im
 
     let mut times: BTreeMap<u64, ImageTimes> = BTreeMap::new();
     for record in reader.records() {
-        let record = record.map_err(|error| {
-            user_error!("{name}: {error}; write a header and one row for each image")
+        let record = record.map_err(|error| match error.kind() {
+            csv::ErrorKind::UnequalLengths { pos, expected_len, len } => user_error!(
+                "{name}, line {}: {len} values, and the header names {expected_len} columns; times have decimal points, not commas",
+                pos.as_ref().map_or(0, csv::Position::line)
+            ),
+            _ => user_error!("{name}: {error}; write a header and one row for each image"),
         })?;
         let line = record.position().map_or(0, csv::Position::line);
         let field = |column: usize| record.get(column).unwrap_or_default();

@@ -17,6 +17,9 @@ const MIN_SIGHTINGS: usize = 50;
 /// Below this share of them the cameras could hardly be compared. Hand-set: above 0.7 if all are right and nothing hides the target for long, and below 0.25 with clocks that are
 /// wrong by more than the time between frames.
 const MIN_COMPARED_SHARE: f64 = 1.0 / 3.0;
+/// Below this share a single camera of several could hardly be compared either. Hand-set: one that something hides now and then is above it, and one of three whose pose is
+/// wrong by more than the target's width is compared by chance only.
+const MIN_COMPARED_SHARE_OF_ONE: f64 = 0.1;
 
 /// Returns a warning if cameras disagree: by how much, which may be wrong, and what to do.
 pub(crate) fn warning(scene: &Scene, tracker: &Tracker) -> Option<String> {
@@ -75,15 +78,16 @@ fn unexplained(agreements: &[(&str, CameraAgreement)]) -> Option<String> {
 
 /// Returns the warning of cameras that show the target and could hardly be compared: what they show is too far apart to be sure that it is the same.
 fn uncompared(agreements: &[(&str, CameraAgreement)]) -> Option<String> {
-    let is_uncompared = |agreement: &CameraAgreement| {
-        agreement.sightings >= MIN_SIGHTINGS
-            && (agreement.comparisons as f64) < MIN_COMPARED_SHARE * agreement.sightings as f64
+    let below = |min_share: f64| {
+        let is_below = move |(_, agreement): &&(&str, CameraAgreement)| {
+            agreement.sightings >= MIN_SIGHTINGS
+                && (agreement.comparisons as f64) < min_share * agreement.sightings as f64
+        };
+        agreements.iter().filter(is_below)
     };
-    let cameras = agreements
-        .iter()
-        .filter(|(_, agreement)| is_uncompared(agreement));
-    // One alone is one that is often hidden.
-    if cameras.clone().count() < 2 {
+    // One alone may be one that is often hidden, unless it is hardly ever compared.
+    let cameras = below(MIN_COMPARED_SHARE);
+    if cameras.clone().count() < 2 && below(MIN_COMPARED_SHARE_OF_ONE).next().is_none() {
         return None;
     }
     let [mut compared, mut sightings] = [0; 2];
@@ -194,6 +198,14 @@ mod tests {
             residual_px: 1.2,
             likely_error: None,
         };
+        let alone = ("mid", camera(1, 111));
+        let warning = uncompared(&[("left", camera(75, 119)), alone]).unwrap();
+        assert!(
+            warning.starts_with(
+                "warning: cameras.mid: could be compared in only 1 of the 111 frames in which"
+            ),
+            "{warning}"
+        );
         let off = ("left", camera(11, 68));
         for other in [camera(67, 68), camera(11, 33), camera(3, 8)] {
             assert_eq!(uncompared(&[off, ("right", other)]), None);

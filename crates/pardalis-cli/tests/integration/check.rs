@@ -307,3 +307,30 @@ fn the_cost_is_measured_on_several_frames_of_each_camera() {
     let step_ms: f64 = step.split(' ').next().unwrap().parse().unwrap();
     assert!(step_ms > 0.0 && step.contains(" ms per step on "), "{step}");
 }
+
+#[test]
+fn sizes_and_positions_in_other_units_are_asked_about() {
+    let place = Workplace::with_frames(1);
+    let colors = data().join("../colors/orange-ball.hsi.colors.toml");
+    place.write("ball.toml", fs::read(colors).unwrap());
+    let large = DETECTED.replace("0.11", "11");
+    let run = checked(&place, &with_targets(&large));
+    let question = "targets.ball: the radius of the ball is 11 m: is it in metres?";
+    assert!(run.stderr.contains(question), "{}", run.stderr);
+
+    let four = data().join("../../experiments/edge/webcams-four.toml");
+    let right = fs::read_to_string(&four).unwrap();
+    let folder = four.parent().unwrap().to_str().unwrap();
+    let small = right.replace("radius_m = 0.035", "radius_m = 0.0005");
+    assert_ne!(small, right);
+    let small = small.replace("\"../../", &format!("\"{folder}/../../"));
+    let run = checked(&place, &small);
+    let question = "targets.ball: no two cameras can show it at the same time: the nearest, ";
+    assert!(run.stderr.contains(question), "{}", run.stderr);
+    assert!(
+        run.stderr
+            .contains(" up to 0.20 m from a camera: are their"),
+        "{}",
+        run.stderr
+    );
+}

@@ -60,7 +60,8 @@ const NAMELESS: &str = "object";
 pub(super) fn has_circles(table: &Table) -> bool {
     // With a name misspelt, it is the one that is missing.
     let has = |name: &str| table.optional_column(name).is_some();
-    !has("x_m") && (has("radius_px") || has("u_px") && has("v_px"))
+    let has_position = ["x_m", "y_m", "z_m"].into_iter().any(has);
+    !has_position && (has("radius_px") || has("u_px") && has("v_px"))
 }
 
 /// Returns the circles in a table with the columns `time_s` or `frame`, `u_px`, `v_px` and `radius_px`; `object`, `camera` and `visible_fraction` are optional. Images whose

@@ -262,6 +262,12 @@ fn unusable_circles_are_refused_with_the_remedy() {
         &[],
         "circles.csv, line 1: column \"radius_px\" is missing; found: frame,u_px,v_px,r",
     );
+    // Positions with the pixels where they are seen, as simulated truth has both.
+    refused(
+        "time_s,object,y_m,z_m,u_px,v_px\n0,ball,0,1,10,10\n",
+        &[],
+        "circles.csv, line 1: column \"x_m\" is missing",
+    );
     refused(
         &row("0.5,10,10,5"),
         &[],
