@@ -96,9 +96,9 @@ fn uncompared(agreements: &[(&str, CameraAgreement)]) -> Option<String> {
         sightings += agreement.sightings;
     }
     Some(format!(
-        "warning: {}: could be compared in only {compared} of the {sightings} frames in which they showed the target: in the others it was partly hidden, or \
-         they did not show it at one place; if nothing hid it, check their clocks (`pardalis calibrate time`), their poses, and in annotated frames \
-         (--annotate) whether all cameras show the same thing",
+        "warning: {}: could be compared with other cameras in only {compared} of the {sightings} frames that show the target: in the others it was partly hidden, or \
+         not at one place for all cameras; if nothing hid it, check clocks (`pardalis calibrate time`), poses, and in annotated frames (--annotate) \
+         whether all cameras show the same thing",
         listed(cameras.map(|(name, _)| *name))
     ))
 }
@@ -202,7 +202,7 @@ mod tests {
         let warning = uncompared(&[("left", camera(75, 119)), alone]).unwrap();
         assert!(
             warning.starts_with(
-                "warning: cameras.mid: could be compared in only 1 of the 111 frames in which"
+                "warning: cameras.mid: could be compared with other cameras in only 1 of the 111 frames that show"
             ),
             "{warning}"
         );
@@ -213,7 +213,7 @@ mod tests {
         let warning = uncompared(&[off, ("top", camera(90, 100)), ("right", camera(8, 67))]);
         let warning = warning.unwrap();
         assert!(
-            warning.starts_with("warning: cameras.left, cameras.right: could be compared in only 19 of the 135 frames in which"),
+            warning.starts_with("warning: cameras.left, cameras.right: could be compared with other cameras in only 19 of the 135 frames that show"),
             "{warning}"
         );
     }
