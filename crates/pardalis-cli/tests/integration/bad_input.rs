@@ -137,7 +137,7 @@ fn invalid_times_are_rejected() {
             &[
                 "line 3",
                 if time == "1,5" {
-                    "fields"
+                    "decimal points, not commas"
                 } else {
                     "number of seconds"
                 },
