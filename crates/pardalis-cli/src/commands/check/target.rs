@@ -184,7 +184,7 @@ impl Area {
 }
 
 /// Reports whether a target is detected, and not followed from a start.
-fn is_searched(target: &TargetConfig) -> bool {
+pub(super) fn is_searched(target: &TargetConfig) -> bool {
     target.bodies.iter().all(|body| body.cues().is_empty())
 }
 

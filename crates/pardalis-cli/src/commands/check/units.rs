@@ -6,6 +6,7 @@ use pardalis::shape::Shape;
 use pardalis::tuning::Tuning;
 use pardalis_scene::{CameraConfig, Scene};
 
+use super::target::is_searched;
 use crate::numbers::significant;
 use crate::output::Shown;
 
@@ -28,10 +29,12 @@ pub(super) fn warnings(scene: &Scene, path: &Path) -> Vec<String> {
                 ));
             }
             let reach_m = Tuning::default().detection.farthest_diameters * body.shape.diameter_m();
-            if let Some(Apart {
-                cameras,
-                distance_m,
-            }) = &apart
+            // Without a start it is looked for up to there.
+            if is_searched(target)
+                && let Some(Apart {
+                    cameras,
+                    distance_m,
+                }) = &apart
                 && *distance_m > 2.0 * reach_m
             {
                 let [distance_m, reach_m] = [*distance_m, reach_m].map(significant);
