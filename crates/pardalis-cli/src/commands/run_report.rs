@@ -15,6 +15,10 @@ use crate::tracking::{CameraRecord, CrowdCounts, Outcome, Run};
 const BLIND_FRAMES: usize = 25;
 /// A camera that sees a target in a smaller share of them is as good as blind to it. Hand-set.
 const BLIND_SHARE: f64 = 0.1;
+/// Fewer frames in which a camera shows what looks like the target elsewhere say nothing. Hand-set.
+const ELSEWHERE_FRAMES: usize = 5;
+/// A smaller share of them among those that were searched says nothing either. Hand-set: between 0.2 and 0.9 if two of three cameras are exchanged, 0 if all are right.
+const ELSEWHERE_SHARE: f64 = 0.2;
 
 /// Returns the targets that have rows but were tracked in none, each with its number and name.
 pub(crate) fn never_found(run: &Run) -> impl Iterator<Item = (usize, &str)> {
@@ -115,7 +119,7 @@ pub(crate) fn warnings(run: &Run) -> String {
     for warning in measurements::warnings(&run.open.measurements, &run.open.tracker) {
         let _ = writeln!(text, "{warning}");
     }
-    for warning in blind_cameras(run) {
+    for warning in blind_cameras(run).into_iter().chain(misplaced_cameras(run)) {
         let _ = writeln!(text, "{warning}");
     }
     for (number, name) in never_found(run) {
@@ -169,6 +173,35 @@ fn blind_cameras(run: &Run) -> Vec<String> {
         return Vec::new();
     }
     targets.flat_map(of_target).collect()
+}
+
+/// Returns a warning for each target that some cameras show elsewhere than the others do.
+fn misplaced_cameras(run: &Run) -> impl Iterator<Item = String> {
+    let cameras = &run.open.scene.cameras;
+    let targets = run.open.scene.targets.iter().enumerate();
+    targets.filter_map(move |(number, target)| {
+        let contributions = run.open.tracker.contributions(TargetId::new(number));
+        let contributions = cameras.iter().zip(contributions.ok()?);
+        let misplaced = contributions.filter(|(_, camera)| {
+            let [elsewhere, searched] = [camera.elsewhere_frames, camera.searched_frames];
+            elsewhere >= ELSEWHERE_FRAMES && elsewhere as f64 >= ELSEWHERE_SHARE * searched as f64
+        });
+        let listed: Vec<_> = misplaced
+            .map(|(camera, contribution)| {
+                let [elsewhere, searched] =
+                    [contribution.elsewhere_frames, contribution.searched_frames];
+                format!("cameras.{} ({elsewhere} of {searched} frames)", camera.name)
+            })
+            .collect();
+        (cameras.len() > 1 && !listed.is_empty()).then(|| {
+            format!(
+                "warning: {}: what looks like {} there is not where other cameras show it: if there is only one such object, check which camera has which images and pose \
+                 (`pardalis camera show SCENE --grid IMAGE -o FOLDER` draws the world over an image), and the clocks (`pardalis calibrate time`)",
+                listed.join(", "),
+                target.name
+            )
+        })
+    })
 }
 
 /// Returns a table of the frames of each camera, and in how many of them it saw each target; empty for a single camera

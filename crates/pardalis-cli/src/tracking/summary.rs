@@ -107,6 +107,8 @@ fn target_entry(
             "used_frames": frames,
             "visible_frames": contribution.visible_frames,
             "blind_frames": contribution.blind_frames,
+            "searched_frames": contribution.searched_frames,
+            "elsewhere_frames": contribution.elsewhere_frames,
             "mean_log_likelihood_ratio": mean_log_ratio,
         });
         per_camera.insert(camera.name.clone(), entry);

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
+use super::candidate::{Candidate, Verdict};
 use super::crowd::Crowd;
 use super::target_tracker::TargetTracker;
-use super::{Estimate, FrameSet, TrackState, landmarks};
+use super::{CameraId, Estimate, FrameSet, TrackState, landmarks};
 use crate::view::View;
 
 /// The contribution of one camera to one target so far.
@@ -16,6 +17,10 @@ pub struct Contribution {
     pub visible_frames: usize,
     /// Number of frames in which the target is not visible although it is tracked and its place is on an unmasked pixel.
     pub blind_frames: usize,
+    /// Number of frames that were searched as a whole while the target was tracked. Not counted for crowds, nor for targets with several landmarks.
+    pub searched_frames: usize,
+    /// Number of these that show something that looks as much like the target ([`Verdict::Rival`]), and not the target where it is tracked.
+    pub elsewhere_frames: usize,
     /// Sum over all frames of the log-likelihood ratio against background, in nats. That of a frame is the mean over
     /// the posterior.
     pub log_likelihood_ratio: f64,
@@ -91,9 +96,23 @@ impl Target {
                 all().all(is_due)
             };
             contribution.blind_frames += usize::from(!is_visible && is_due);
+            if let ([body], false) = (bodies, is_crowd)
+                && body.track().state() == TrackState::Tracking
+            {
+                let has_searched = searched(body, camera).next().is_some();
+                let has_rival = searched(body, camera).any(|one| one.verdict == Verdict::Rival);
+                contribution.searched_frames += usize::from(has_searched);
+                contribution.elsewhere_frames += usize::from(has_rival && !is_visible);
+            }
             contribution.log_likelihood_ratio += of_bodies().sum::<f64>();
         }
     }
+}
+
+/// What was examined in the whole image of a camera; nothing if it was not searched.
+fn searched(body: &TargetTracker, camera: usize) -> impl Iterator<Item = &Candidate> {
+    let candidates = body.candidates().iter();
+    candidates.filter(move |one| one.origin.camera().map(CameraId::index) == Some(camera))
 }
 
 /// The cameras of a set in which a target with these bodies was searched for.

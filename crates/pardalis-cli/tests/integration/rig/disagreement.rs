@@ -97,6 +97,37 @@ fn a_turned_camera_is_named() {
     assert_eq!(error["cause"], "pose");
 }
 
+#[test]
+fn exchanged_images_are_named() {
+    let rig = Rig::new();
+    let [one, three, other] = ["cam1", "cam3", "other"].map(|name| rig.path(name));
+    fs::rename(&one, &other).unwrap();
+    fs::rename(&three, &one).unwrap();
+    fs::rename(&other, &three).unwrap();
+    let run = rig.track_ball(BALL);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let summary = rig.summary();
+    let elsewhere = |camera: &str| {
+        let of_camera = &summary["targets"]["ball"]["cameras"][camera];
+        ["elsewhere_frames", "searched_frames"].map(|key| of_camera[key].as_u64().unwrap())
+    };
+    let mut named = Vec::new();
+    for camera in Rig::CAMERAS {
+        let [elsewhere, searched] = elsewhere(camera);
+        if elsewhere > 4 && 5 * elsewhere >= searched {
+            named.push(format!(
+                "cameras.{camera} ({elsewhere} of {searched} frames)"
+            ));
+        }
+    }
+    assert!(!named.is_empty(), "{summary}");
+    let warning = format!(
+        "warning: {}: what looks like ball there is not where other cameras show it",
+        named.join(", ")
+    );
+    assert!(run.stderr.contains(&warning), "{}", run.stderr);
+}
+
 /// A ball that swings to and fro, with an acceleration of up to 30 m/s². The frames of one camera are taken midway between those of
 /// the other, as those of webcams may be.
 const SWING: &str = "
