@@ -81,17 +81,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let inputs = arguments.inputs.inputs()?;
     let output = &arguments.output;
     check_output(output)?;
+    let files = &inputs.files;
+    let (lesson, remedy, adopted) = learn_in_best_palette(arguments, files, palette)?;
     let Lesson {
         evidence,
         model,
         check,
         follows_outlines,
-    } = learn(&inputs.files, palette)?;
-    let remedy = if check.failures() > 0 {
-        Remedy::find(arguments, &inputs.files, palette, &check)?
-    } else {
-        None
-    };
+    } = lesson;
     let folder = arguments.pictures.clone();
     let folder = folder.unwrap_or_else(|| pictures_folder(output));
     if !arguments.no_pictures {
@@ -100,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     write_file(output, model.to_text().as_bytes())?;
     let mut written = vec![output.clone()];
     if !arguments.no_pictures {
-        let pictures = pictures::write(&folder, &inputs.files, &evidence, &model, &check)?;
+        let pictures = pictures::write(&folder, files, &evidence, &model, &check)?;
         written.extend(pictures);
     }
     let report = Report {
@@ -108,6 +105,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         model: &model,
         check: &check,
         remedy: remedy.as_ref(),
+        adopted,
         follows_outlines,
         without_mask: &inputs.without_mask,
         written: &written,
@@ -138,6 +136,44 @@ impl Lesson {
             follows_outlines: false,
         })
     }
+}
+
+/// Another palette that was taken because the detector misses labelled balls with the default one.
+#[derive(Debug, Clone, Copy)]
+struct Adopted {
+    /// Its options.
+    options: &'static str,
+    /// The number of images in which the ball is found with the default palette.
+    found_before: usize,
+}
+
+/// Learns from labels; in another palette, if none was chosen, with that the detector finds balls that it misses otherwise, and labels are not the likelier cause. Returns what
+/// helps if it still misses some.
+fn learn_in_best_palette(
+    arguments: &Arguments,
+    files: &[LabelledFile],
+    palette: Palette,
+) -> Result<(Lesson, Option<Remedy>, Option<Adopted>)> {
+    let remedy_of = |lesson: &Lesson, palette: Palette| match lesson.check.failures() {
+        0 => Ok(None),
+        _ => Remedy::find(arguments, files, palette, &lesson.check),
+    };
+    let lesson = learn(files, palette)?;
+    let remedy = remedy_of(&lesson, palette)?;
+    let other = remedy.as_ref().and_then(Remedy::palette);
+    if let (Some((other, options)), false) = (other, arguments.palette.is_given()) {
+        let again = learn(files, other)?;
+        if again.check.failures() < lesson.check.failures() {
+            let found_before = lesson.check.ball_count() - lesson.check.failures();
+            let adopted = Adopted {
+                options,
+                found_before,
+            };
+            let remedy = remedy_of(&again, other)?;
+            return Ok((again, remedy, Some(adopted)));
+        }
+    }
+    Ok((lesson, remedy, None))
 }
 
 /// Learns from labels, or from the outlines in their images if these are sharp and most of the labels are too large or too small.

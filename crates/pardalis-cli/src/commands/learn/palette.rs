@@ -9,9 +9,10 @@ use crate::user_error::user_error;
 /// How colours are divided into bins.
 #[derive(Debug, clap::Args)]
 pub(super) struct PaletteOptions {
-    /// The colour space to divide
-    #[arg(long, value_enum, default_value_t = Space::Hsi)]
-    palette: Space,
+    /// The colour space to divide [default: hsi; without --palette and --bins, finer bins and other colour spaces are
+    /// tried if the detector misses a labelled ball]
+    #[arg(long, value_enum)]
+    palette: Option<Space>,
     /// Numbers of bins: of hue, saturation and intensity; of y, u and v; or, for rgb, one number for each
     /// channel [default: hsi 12,12,4; yuv 4,8,8; rgb 8]
     #[arg(long, value_name = "N,N,N|N", value_delimiter = ',')]
@@ -60,13 +61,13 @@ impl PaletteOptions {
             ("--yuv-range", self.yuv_range.is_some()),
         ];
         if let Some((option, _)) = yuv_only.iter().find(|(_, given)| *given)
-            && self.palette != Space::Yuv
+            && self.space() != Space::Yuv
         {
             return Err(user_error!(
                 "{option} requires --palette yuv; remove it, or give both"
             ));
         }
-        let palette = match (self.palette, self.bins.as_slice()) {
+        let palette = match (self.space(), self.bins.as_slice()) {
             (Space::Hsi, []) => Palette::HSI,
             (Space::Hsi, &[hue_bins, saturation_bins, intensity_bins]) => Palette::Hsi {
                 hue_bins,
@@ -96,6 +97,15 @@ impl PaletteOptions {
             .check()
             .map_err(|error| user_error!("--bins: {error}"))?;
         Ok(palette)
+    }
+
+    /// Reports whether the palette is not for the program to choose.
+    pub(super) fn is_given(&self) -> bool {
+        self.palette.is_some() || !self.bins.is_empty()
+    }
+
+    fn space(&self) -> Space {
+        self.palette.unwrap_or(Space::Hsi)
     }
 
     fn yuv(&self, [y_bins, u_bins, v_bins]: [u16; 3]) -> Palette {

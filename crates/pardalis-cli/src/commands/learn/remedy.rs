@@ -15,7 +15,7 @@ use super::palette::words_of;
 use crate::shell_word::shell_word;
 
 /// The options of other palettes that are tried.
-const PALETTES: [(&str, Palette); 3] = [
+pub(super) const PALETTES: [(&str, Palette); 3] = [
     (
         "--palette hsi --bins 24,16,6",
         Palette::Hsi {
@@ -41,8 +41,8 @@ pub(super) struct Remedy {
 
 #[derive(Debug, Clone, Copy)]
 enum Change {
-    /// The options of another palette.
-    Options(&'static str),
+    /// Another palette, and its options.
+    Options(&'static str, Palette),
     /// Boxes that are smaller than the labels.
     CloserBoxes,
     /// The numbers of the boxes as those of two corners.
@@ -64,7 +64,8 @@ impl Remedy {
     ) -> Result<Option<Self>> {
         let closer = closer_boxes(files, check);
         let others = PALETTES.iter().filter(|(_, other)| *other != palette);
-        let palettes = others.map(|&(options, other)| (Change::Options(options), files, other));
+        let palettes =
+            others.map(|&(options, other)| (Change::Options(options, other), files, other));
         let boxes = (Change::CloserBoxes, &*closer, palette);
         // If labels are too large, that is the likely cause.
         let is_too_large = check.label_error().is_some_and(|error| error > 0.0);
@@ -88,7 +89,7 @@ impl Remedy {
                 .as_ref()
                 .map_or(balls - check.failures(), |best| best.found);
             if found > best_found {
-                let command = if let Change::Options(options) = change {
+                let command = if let Change::Options(options, _) = change {
                     command(arguments, &arguments.inputs.to_string(), options)
                 } else {
                     let inputs: Vec<String> = files.iter().map(LabelledFile::to_string).collect();
@@ -170,7 +171,7 @@ fn closer_box(ball: &Circle) -> Label {
 impl fmt::Display for Remedy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.change {
-            Change::Options(options) => write!(f, "With {options}"),
+            Change::Options(options, _) => write!(f, "With {options}"),
             Change::CloserBoxes => write!(
                 f,
                 "With boxes {:.0} % smaller than these labels",
@@ -186,13 +187,21 @@ impl fmt::Display for Remedy {
 impl Remedy {
     /// Reports whether it is about the size of the labels.
     pub(super) fn changes_labels(&self) -> bool {
-        !matches!(self.change, Change::Options(_))
+        !matches!(self.change, Change::Options(..))
+    }
+
+    /// Returns the other palette that it consists in, if it does, and its options.
+    pub(super) fn palette(&self) -> Option<(Palette, &'static str)> {
+        match self.change {
+            Change::Options(options, palette) => Some((palette, options)),
+            _ => None,
+        }
     }
 
     /// Says what to do.
     pub(super) fn advice(&self) -> &'static str {
         match self.change {
-            Change::Options(_) => "learn again with this option",
+            Change::Options(..) => "learn again with this option",
             Change::CloserBoxes => {
                 "the labels are larger than the ball, or its edge is blurred; take these boxes"
             }

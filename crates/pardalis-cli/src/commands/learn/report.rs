@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use pardalis::color::ColorModel;
 
+use super::Adopted;
 use super::balls::Circle;
 use super::check::{Check, ImageCheck};
 use super::evidence::Evidence;
@@ -26,6 +27,8 @@ pub(super) struct Report<'a> {
     pub(super) check: &'a Check,
     /// What helps if the target was not found everywhere.
     pub(super) remedy: Option<&'a Remedy>,
+    /// The palette that was taken in place of the default one.
+    pub(super) adopted: Option<Adopted>,
     /// Whether the outlines in the images were learnt in place of the labels.
     pub(super) follows_outlines: bool,
     /// Names of skipped images.
@@ -223,7 +226,7 @@ impl Report<'_> {
         }
         writeln!(
             f,
-            "Remedies: first see in {} whether every label is on the target. Then labels on the outline of the whole target, or boxes closely around it; finer --bins or another --palette; a target in a colour \
+            "Remedies: first see in {} whether every label is on the target. Then labels on the outline of the whole target, or boxes closely around it; a target in a colour \
              that does not occur in its surroundings.",
             self.mosaic()
         )
@@ -245,6 +248,16 @@ impl Report<'_> {
             "\nThe detector finds the ball in {found} of {balls} of these images, with a typical camera:"
         )?;
         let width = self.name_width();
+        if let Some(Adopted {
+            options,
+            found_before,
+        }) = self.adopted
+        {
+            writeln!(
+                f,
+                "The colours were learnt with {options}: with the default bins, the detector finds the ball in {found_before} of them."
+            )?;
+        }
         writeln!(
             f,
             "{:width$} {:>22}   {:>22}",

@@ -320,6 +320,49 @@ fn something_else_of_the_same_colour_is_not_taken_for_the_label() {
 }
 
 #[test]
+fn a_palette_that_finds_the_ball_is_taken_unless_another_is_given() {
+    let folder = TempDir::new().unwrap();
+    // Of the default palette, both colours are in one bin.
+    let [ball, floor, wall] = [
+        [150.0, 72.0, 60.0],
+        [158.0, 104.0, 64.0],
+        [40.0, 90.0, 150.0],
+    ];
+    let image = RgbImage::from_fn(160, 120, |x, y| {
+        let distance = (f64::from(x) - 60.0).hypot(f64::from(y) - 60.0);
+        let share = 1.0 / (1.0 + (2.0 * (distance - 14.0)).exp());
+        let behind: [f64; 3] = if y > 20 { floor } else { wall };
+        [0, 1, 2].map(|c| (behind[c] + share * (ball[c] - behind[c])).round() as u8)
+    });
+    fs::write(folder.path().join("a.png"), encode_png(&image).unwrap()).unwrap();
+    let label = ["--image", "a.png", "--circle", "60,60,14", "-o", "m.toml"];
+    let model = || fs::read_to_string(folder.path().join("m.toml")).unwrap();
+    let text = report(&folder, &label);
+    assert_contains(
+        &text,
+        &[
+            "The detector finds the ball in 1 of 1",
+            "The colours were learnt with --palette hsi --bins 24,16,6: with the default bins, the detector finds the ball in 0 of them.",
+        ],
+    );
+    let fine = model();
+    for given in [&["--palette", "hsi"][..], &["--bins", "12,12,4"]] {
+        let text = report(&folder, &[&label[..], given].concat());
+        assert_contains(
+            &text,
+            &[
+                "The detector finds the ball in 0 of 1",
+                "learn again with this option",
+            ],
+        );
+        let pasted = report(&folder, &command(&text));
+        assert_contains(&pasted, &["The detector finds the ball in 1 of 1"]);
+        assert!(!pasted.contains("The colours were learnt with"), "{pasted}");
+        assert_eq!(model(), fine);
+    }
+}
+
+#[test]
 fn bad_labels_and_shared_bins_are_reported() {
     let folder = small_images();
     fs::copy(folder.path().join("a.png"), folder.path().join("c.png")).unwrap();
