@@ -62,8 +62,28 @@ export function instant(time_s) {
   return time_s > 1e8 ? `${new Date(1000 * time_s).toISOString().slice(11, 22)} UTC` : `${fixed(time_s, 2)} s`;
 }
 
-/** Replaces the children of an element and keeps the focus, and what is being typed, in the element of the same id. */
+/** What is to be replaced as soon as nothing in it is pressed. */
+const pressed = new Map();
+
+for (const event of ["pointerup", "pointercancel", "keyup"]) {
+  // The click comes right after it.
+  addEventListener(event, () => setTimeout(() => {
+    const all = [...pressed];
+    pressed.clear();
+    for (const [parent, children] of all) if (parent.isConnected) replaceChildren(parent, ...children);
+  }), true);
+}
+
+/**
+ * Replaces the children of an element and keeps the focus, and what is being typed, in the element of the same id. What is pressed stays until it is let go: a click is lost
+ * if its element is not there at the end.
+ */
 export function replaceChildren(parent, ...children) {
+  if (parent.querySelector(":active")) {
+    pressed.set(parent, children);
+    return;
+  }
+  pressed.delete(parent);
   const active = parent.contains(document.activeElement) ? document.activeElement : null;
   const { id, value } = active ?? {};
   const isTyped = active?.matches("input:not([type=range]):not([type=checkbox])");

@@ -755,7 +755,8 @@ def test_a_live_stream_is_shown_learnt_tracked_and_stopped(studio, tmp_path, str
     # The picture is held while it is clicked: the ball is where it is in some frame.
     one.step("colors")
     page.click("#add-target")
-    page.click("#play-camera")
+    # The button is pressed for several frames, each of which changes the text beside it.
+    page.click("#play-camera", delay=300)
     expect(page.locator("#play-camera")).to_contain_text("Go on")
     held = page.evaluate("document.querySelector('canvas').toDataURL()")
     page.wait_for_timeout(500)
