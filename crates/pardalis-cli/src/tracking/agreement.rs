@@ -55,6 +55,12 @@ fn explained(agreements: &[(&str, CameraAgreement)]) -> Option<String> {
             listed(wrong.iter().map(|(name, _)| *name))
         )
     };
+    let is_clock = |error: &LikelyError| matches!(error.cause, CameraErrorCause::Clock { .. });
+    if wrong.len() > 2 && wrong.iter().all(|(_, error)| is_clock(error)) {
+        // Each is off from the mean of others that are off, too: no amount is right.
+        text += "\n  likely cause: the clock of one of them; measure the clocks with `pardalis calibrate time`";
+        return Some(text);
+    }
     for (name, error) in &wrong {
         let _ = write!(text, "\n  cameras.{name}: {}", cause(error));
     }
@@ -188,6 +194,38 @@ mod tests {
             warning.starts_with("warning: cameras.left, cameras.right: off by up to 10.0 pixels from where other cameras"),
             "{warning}"
         );
+    }
+
+    #[test]
+    fn of_several_clocks_that_may_be_wrong_no_amount_is_named() {
+        let camera = |cause: CameraErrorCause| CameraAgreement {
+            comparisons: 100,
+            sightings: 100,
+            residual_px: 4.0,
+            likely_error: Some(LikelyError {
+                cause,
+                explained_px: 3.5,
+                explained_share: 0.9,
+            }),
+        };
+        let clock = |correction_s: f64| {
+            let sigma_s = 0.003;
+            camera(CameraErrorCause::Clock {
+                correction_s,
+                sigma_s,
+            })
+        };
+        let [left, mid, right] = [("left", 0.03), ("mid", -0.034), ("right", 0.035)]
+            .map(|(name, correction_s)| (name, clock(correction_s)));
+        let warning = explained(&[left, mid, right]).unwrap();
+        let advice = "correct only one\n  likely cause: the clock of one of them; measure the clocks with `pardalis calibrate time`";
+        assert!(warning.ends_with(advice), "{warning}");
+        let warning = explained(&[left, mid]).unwrap();
+        assert!(warning.contains("add -34 ± 3 ms"), "{warning}");
+        let offset_px = [3.0, 0.0];
+        let pose = ("top", camera(CameraErrorCause::Pose { offset_px }));
+        let warning = explained(&[left, mid, pose]).unwrap();
+        assert!(warning.contains("add -34 ± 3 ms"), "{warning}");
     }
 
     #[test]

@@ -89,7 +89,8 @@ async function compute(app, request, value) {
   const answer = await app.change(request, { camera: app.camera, ...value });
   if (!answer) return;
   const left = answer.outliers?.length ? `, without point ${answer.outliers.map((i) => i + 1).join(", ")}` : "";
-  app.say(`The pose fits to ${fixed(answer.rms_px, 1)} pixels${left}. Does the grid lie on the floor?`);
+  const advice = answer.note ? `, but ${answer.note}.` : ". Does the grid lie on the floor?";
+  app.say(`The pose fits to ${fixed(answer.rms_px, 1)} pixels${left}${advice}`);
 }
 
 function redrawn(app) {

@@ -15,7 +15,7 @@ mod output;
 mod page;
 mod plane;
 mod points;
-mod pose;
+pub(crate) mod pose;
 mod print;
 mod report;
 pub(super) mod rig;

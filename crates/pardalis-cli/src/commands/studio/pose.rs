@@ -13,6 +13,7 @@ use toml_edit::Array;
 use super::edits::with_value;
 use super::session::{Inner, Session};
 use crate::board::parse_words;
+use crate::commands::calibrate::pose::below_points;
 use crate::draw::picture::picture_of;
 use crate::user_error::user_error;
 
@@ -73,8 +74,10 @@ impl Session {
         let (lens, size_px) = self.inner().lens_of(&known.camera)?;
         let fit = fit_pose(&lens, size_px, &points, OUTLIER_SIGMAS)
             .map_err(|refusal| user_error!("cameras.{}: {refusal}", known.camera))?;
-        self.write_pose(&known.camera, &fit.camera_from_target.inverse(), "points")?;
-        Ok(json!({ "rms_px": fit.rms_px, "outliers": fit.outliers }))
+        let pose = fit.camera_from_target.inverse();
+        self.write_pose(&known.camera, &pose, "points")?;
+        let note = below_points(&points, &pose);
+        Ok(json!({ "rms_px": fit.rms_px, "outliers": fit.outliers, "note": note }))
     }
 
     /// Sets the pose of a camera from a board that lies on the floor, whose corner is the origin of the room.

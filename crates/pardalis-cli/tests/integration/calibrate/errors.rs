@@ -282,6 +282,27 @@ fn rejects_missing_images_and_boards() {
 }
 
 #[test]
+fn a_camera_below_the_floor_is_asked_about() {
+    let folder = folder();
+    let lens = "[cameras.lens]\nsize_px = [640, 480]\nmodel.pinhole = { f_px = [500, 500], center_px = [320, 240] }\n";
+    fs::write(folder.path().join("lens.toml"), lens).unwrap();
+    let stdout = |exchange: f64| {
+        let corners = [[-0.5, -0.4], [0.5, -0.4], [0.5, 0.4], [-0.5, 0.4]];
+        // Two meters above, looking down.
+        let rows =
+            corners.map(|[x, y]| [x, y, 0.0, 320.0 + 250.0 * x, 240.0 - exchange * 250.0 * y]);
+        fs::write(folder.path().join("points.csv"), table_of(&rows)).unwrap();
+        let run = pardalis(&folder, "calibrate pose points.csv --camera lens.toml");
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        run.stdout + &run.stderr
+    };
+    assert!(!stdout(1.0).contains("below the plane"));
+    let exchanged = stdout(-1.0);
+    let wanted = "the camera is 2.00 m below the plane of the points: if they are on a floor or a table and z points up, some of them are exchanged";
+    assert!(exchanged.contains(wanted), "{exchanged}");
+}
+
+#[test]
 fn rejects_ambiguous_models_and_cameras() {
     let folder = folder();
     fs::write(folder.path().join("points.csv"), table_of(&rows())).unwrap();
