@@ -52,7 +52,14 @@ impl DetectedTarget {
         let heading = self.heading.filter(|_| is_known);
         let heading = heading.and_then(|heading| heading.estimate(ahead_s, &self.tuning.heading));
         let confidence = if is_known {
-            self.confidence_ahead(ahead_s)
+            // Around members of crowds, others hide a part of them again and again.
+            let shortfall = self.shortfall.confidence();
+            let shortfall = if self.number().is_some() {
+                1.0
+            } else {
+                shortfall
+            };
+            self.confidence_ahead(ahead_s) * shortfall
         } else {
             // The probability that the target exists and is visible.
             self.filter.existence() * self.track.greatest_visibility()

@@ -19,6 +19,7 @@ mod member;
 mod other_sensors;
 mod places;
 mod reach;
+mod shortfall;
 mod size;
 mod streaks;
 #[cfg(test)]
@@ -65,6 +66,7 @@ use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Measurement
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::modes::ModeFilter;
 use places::Place;
+use shortfall::Shortfall;
 use size::Size;
 use untriggered::Sights;
 use update::{Measurement, update};
@@ -107,6 +109,8 @@ pub(super) struct DetectedTarget {
     measured_m: Option<[f64; 3]>,
     /// How certain the size of its outline is.
     outline: Outline,
+    /// Whether its outline falls short of the usual one.
+    shortfall: Shortfall,
     /// Whether it has been followed without interruption since it was clearly seen.
     is_clear: bool,
     sights: Sights,
@@ -225,6 +229,7 @@ impl DetectedTarget {
             detected: None,
             measured_m: None,
             outline: Outline::default(),
+            shortfall: Shortfall::default(),
             is_clear: false,
             sights: Sights::new(views.len()),
             time_s: 0.0,
@@ -588,6 +593,7 @@ impl DetectedTarget {
         self.measured_m = None;
         let detection = &self.detector.detections()[associated[number].detection];
         self.outline = Outline::of(detection, &self.tuning.detection);
+        self.shortfall = Shortfall::default();
         self.sights.begin();
         if let Some(heading) = &mut self.heading {
             heading.reset();
@@ -634,6 +640,7 @@ impl DetectedTarget {
             modes.reset();
         }
         self.outline = Outline::default();
+        self.shortfall = Shortfall::default();
         self.sights.reset();
         self.others.clear();
         self.start = None;

@@ -10,6 +10,7 @@ use super::DetectedTarget;
 use super::association::AssociatedDetection;
 use super::detection::{Outline, Prediction};
 use super::measurement::measured_m;
+use super::shortfall::Shortfall;
 use crate::likelihood::edge::{Detection, Widening};
 use pardalis_filter::bernoulli::MeasurementComponent;
 use pardalis_filter::estimate::{StateEstimate, covariance_matrix};
@@ -187,6 +188,12 @@ impl DetectedTarget {
         });
         let before = self.size_error_m2();
         let detection = &self.detector.detections()[target.detection];
+        if self.track.is_known() {
+            let cameras = detection.camera_count() as f64;
+            self.shortfall.add(detection.judged_log_ratio() / cameras);
+        } else {
+            self.shortfall = Shortfall::default();
+        }
         self.agreement
             .note_sighting(detection.cameras(), time_s, &self.tuning.agreement);
         self.sights
