@@ -1,7 +1,7 @@
 // The page: its state, its steps and its pictures.
 
 import { ask, Live } from "./connection.js";
-import { button, el, replaceChildren } from "./elements.js";
+import { button, el, onRelease, replaceChildren } from "./elements.js";
 import { Picture } from "./picture.js";
 import { camera } from "./steps/camera.js";
 import { colors } from "./steps/colors.js";
@@ -343,6 +343,8 @@ function updateCaption(name) {
   }
   replaceChildren(caption, captionOf(name));
 }
+
+onRelease(() => app.render());
 
 // What does not come changes the captions, too.
 setInterval(() => app.state?.run?.goes_on && [...app.pictures.keys()].forEach(updateCaption), 1000);

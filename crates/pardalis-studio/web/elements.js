@@ -62,28 +62,47 @@ export function instant(time_s) {
   return time_s > 1e8 ? `${new Date(1000 * time_s).toISOString().slice(11, 22)} UTC` : `${fixed(time_s, 2)} s`;
 }
 
-/** What is to be replaced as soon as nothing in it is pressed. */
-const pressed = new Map();
+/** For how long after it was let go something counts as pressed, unless its click comes before. */
+const RELEASE_MS = 60;
 
-for (const event of ["pointerup", "pointercancel", "keyup"]) {
-  // The click comes right after it.
-  addEventListener(event, () => setTimeout(() => {
-    const all = [...pressed];
-    pressed.clear();
-    for (const [parent, children] of all) if (parent.isConnected) replaceChildren(parent, ...children);
-  }), true);
+/** What is pressed now, and whether something around it was not replaced because of it. */
+let pressed = null;
+let isStale = false;
+/** What makes everything anew. */
+let renew = () => {};
+
+/** Sets what is called when something was let go around which nothing could be replaced. */
+export function onRelease(callback) {
+  renew = callback;
 }
 
+function release() {
+  pressed = null;
+  if (isStale) {
+    isStale = false;
+    renew();
+  }
+}
+
+const isKey = (event) => event.key === " ";
+addEventListener("pointerdown", ({ target }) => { pressed = target; }, true);
+addEventListener("keydown", (event) => { if (isKey(event)) pressed = event.target; }, true);
+// After the listeners of what was pressed.
+for (const event of ["click", "change", "pointercancel", "dragend", "blur"]) addEventListener(event, release);
+// A click comes after these, of a finger a little later; nothing does if the pointer has moved away.
+addEventListener("pointerup", () => setTimeout(release, RELEASE_MS), true);
+addEventListener("keyup", (event) => { if (isKey(event)) setTimeout(release, RELEASE_MS); }, true);
+addEventListener("pointermove", ({ buttons }) => { if (pressed && buttons === 0) setTimeout(release, RELEASE_MS); }, true);
+
 /**
- * Replaces the children of an element and keeps the focus, and what is being typed, in the element of the same id. What is pressed stays until it is let go: a click is lost
- * if its element is not there at the end.
+ * Replaces the children of an element and keeps the focus, and what is being typed, in the element of the same id. While one of them is pressed, they stay: a click is lost if
+ * its element is not there at the end.
  */
 export function replaceChildren(parent, ...children) {
-  if (parent.querySelector(":active")) {
-    pressed.set(parent, children);
+  if (pressed !== parent && parent.contains(pressed)) {
+    isStale = true;
     return;
   }
-  pressed.delete(parent);
   const active = parent.contains(document.activeElement) ? document.activeElement : null;
   const { id, value } = active ?? {};
   const isTyped = active?.matches("input:not([type=range]):not([type=checkbox])");

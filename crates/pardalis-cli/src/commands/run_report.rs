@@ -186,6 +186,7 @@ fn misplaced_cameras(run: &Run) -> impl Iterator<Item = String> {
             let [elsewhere, searched] = [camera.elsewhere_frames, camera.searched_frames];
             elsewhere >= ELSEWHERE_FRAMES && elsewhere as f64 >= ELSEWHERE_SHARE * searched as f64
         });
+        let first = misplaced.clone().next().map(|(camera, _)| &camera.name);
         let listed: Vec<_> = misplaced
             .map(|(camera, contribution)| {
                 let [elsewhere, searched] =
@@ -193,12 +194,13 @@ fn misplaced_cameras(run: &Run) -> impl Iterator<Item = String> {
                 format!("cameras.{} ({elsewhere} of {searched} frames)", camera.name)
             })
             .collect();
-        (cameras.len() > 1 && !listed.is_empty()).then(|| {
+        first.filter(|_| cameras.len() > 1).map(|first| {
             format!(
                 "warning: {}: what looks like {} there is not where other cameras show it: if there is only one such object, check which camera has which images and pose \
-                 (`pardalis camera show SCENE --grid IMAGE -o FOLDER` draws the world over an image), and the clocks (`pardalis calibrate time`)",
+                 (`pardalis camera show {} --camera {first} --grid IMAGE -o FOLDER` draws the world over an image), and the clocks (`pardalis calibrate time`)",
                 listed.join(", "),
-                target.name
+                target.name,
+                shell_word(&run.scene_path)
             )
         })
     })

@@ -58,8 +58,10 @@ fn explained(agreements: &[(&str, CameraAgreement)]) -> Option<String> {
     let is_clock = |error: &LikelyError| matches!(error.cause, CameraErrorCause::Clock { .. });
     if wrong.len() > 2 && wrong.iter().all(|(_, error)| is_clock(error)) {
         // Each is off from the mean of others that are off, too: no amount is right.
-        text += "\n  likely cause: the clock of one of them; measure the clocks with `pardalis calibrate time`";
-        return Some(text);
+        return Some(format!(
+            "warning: {}: disagree by {px:.1} pixels\n  likely cause: the clock of one or more of them; measure the clocks with `pardalis calibrate time`",
+            listed(wrong.iter().map(|(name, _)| *name))
+        ));
     }
     for (name, error) in &wrong {
         let _ = write!(text, "\n  cameras.{name}: {}", cause(error));
@@ -218,7 +220,7 @@ mod tests {
         let [left, mid, right] = [("left", 0.03), ("mid", -0.034), ("right", 0.035)]
             .map(|(name, correction_s)| (name, clock(correction_s)));
         let warning = explained(&[left, mid, right]).unwrap();
-        let advice = "correct only one\n  likely cause: the clock of one of them; measure the clocks with `pardalis calibrate time`";
+        let advice = "disagree by 3.5 pixels\n  likely cause: the clock of one or more of them; measure the clocks with `pardalis calibrate time`";
         assert!(warning.ends_with(advice), "{warning}");
         let warning = explained(&[left, mid]).unwrap();
         assert!(warning.contains("add -34 ± 3 ms"), "{warning}");

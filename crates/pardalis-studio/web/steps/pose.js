@@ -90,7 +90,7 @@ async function compute(app, request, value) {
   if (!answer) return;
   const left = answer.outliers?.length ? `, without point ${answer.outliers.map((i) => i + 1).join(", ")}` : "";
   const advice = answer.note ? `, but ${answer.note}.` : ". Does the grid lie on the floor?";
-  app.say(`The pose fits to ${fixed(answer.rms_px, 1)} pixels${left}${advice}`);
+  app.say(`The pose fits to ${fixed(answer.rms_px, 1)} pixels${left}${advice}`, Boolean(answer.note));
 }
 
 function redrawn(app) {

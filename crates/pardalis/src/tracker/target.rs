@@ -17,7 +17,7 @@ pub struct Contribution {
     pub visible_frames: usize,
     /// Number of frames in which the target is not visible although it is tracked and its place is on an unmasked pixel.
     pub blind_frames: usize,
-    /// Number of frames that were searched as a whole while the target was tracked. Not counted for crowds, nor for targets with several landmarks.
+    /// Number of frames that were searched as a whole while the target was tracked. Zero for crowds, and for targets with several landmarks, with a start that are not searched for, and that boxes detect.
     pub searched_frames: usize,
     /// Number of these that show something that looks as much like the target ([`Verdict::Rival`]), and not the target where it is tracked.
     pub elsewhere_frames: usize,
@@ -98,6 +98,7 @@ impl Target {
             contribution.blind_frames += usize::from(!is_visible && is_due);
             if let ([body], false) = (bodies, is_crowd)
                 && body.track().state() == TrackState::Tracking
+                && body.boxed_target().is_none()
             {
                 let has_searched = searched(body, camera).next().is_some();
                 let has_rival = searched(body, camera).any(|one| one.verdict == Verdict::Rival);

@@ -4,9 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use pardalis_calibrate::{
-    Calibration, Correspondence, FittedParameter, FittedView, OUTLIER_SIGMAS, fit_pose,
+    Calibration, Correspondence, FittedParameter, FittedView, OUTLIER_SIGMAS, PoseFit, fit_pose,
 };
-use pardalis_camera::Pose;
 
 use super::fit::{Fit, Fits, all_observed_points};
 use super::model::read_camera;
@@ -77,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         OUTLIER_SIGMAS,
     )
     .map_err(|refusal| user_error!("{}: {refusal}", arguments.points.shown()))?;
-    let note = below_points(&view.correspondences, &fit.camera_from_target.inverse());
+    let note = below_points(&view.correspondences, &fit);
     let held = |(name, value)| FittedParameter {
         name,
         value,
@@ -137,17 +136,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Says that a camera is below the horizontal plane in which all points lie: it would see a floor from there if points are exchanged, and they fit as well.
-pub(crate) fn below_points(points: &[Correspondence], world_from_camera: &Pose) -> Option<String> {
+pub(crate) fn below_points(points: &[Correspondence], fit: &PoseFit) -> Option<String> {
     let [x, y, z] = [0, 1, 2].map(|axis| {
-        let values = points.iter().map(move |point| point.point_m[axis]);
+        let kept = points.iter().enumerate();
+        let kept = kept.filter(|(number, _)| !fit.outliers.contains(number));
+        let values = kept.map(move |(_, point)| point.point_m[axis]);
         let least = values.clone().fold(f64::INFINITY, f64::min);
         [least, values.fold(f64::NEG_INFINITY, f64::max)]
     });
     let extent_m = (x[1] - x[0]).max(y[1] - y[0]);
-    let below_m = z[0] - world_from_camera.translation.z;
+    let below_m = z[0] - fit.camera_from_target.inverse().translation.z;
     (z[1] - z[0] <= FLAT_SHARE * extent_m && below_m > 0.0).then(|| {
         format!(
-            "the camera is {below_m:.2} m below the plane of the points: if they are on a floor or a table and z points up, some of them are exchanged"
+            "the camera is {below_m:.2} m below the plane of the points: if they are on a floor or a table and z points up, some of them are exchanged, or an axis points the other way"
         )
     })
 }

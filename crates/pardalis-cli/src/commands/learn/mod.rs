@@ -55,7 +55,8 @@ const EXAMPLES: &str = "Examples:
 /// by the same share, or smaller, give way to these outlines.
 ///
 /// Afterwards the detector of `track` is run on the images. The report says in which of them a labelled ball was found and
-/// where, whether the labels fit the outlines, and the command that helps if not. `Good` means that all balls were found.
+/// where, whether the labels fit the outlines, and the command that helps if not. If balls are missed, finer bins and other palettes
+/// are tried, and taken if that helps, unless --palette or --bins is given. `Good` means that all balls were found.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
@@ -147,8 +148,8 @@ struct Adopted {
     found_before: usize,
 }
 
-/// Learns from labels; in another palette, if none was chosen, with that the detector finds balls that it misses otherwise, and labels are not the likelier cause. Returns what
-/// helps if it still misses some.
+/// Learns from labels. If the detector misses balls, takes the palette with which it finds more of them, unless a palette was chosen or other labels are likelier to help. Returns
+/// also what helps if it still misses some.
 fn learn_in_best_palette(
     arguments: &Arguments,
     files: &[LabelledFile],

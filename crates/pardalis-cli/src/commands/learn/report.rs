@@ -226,9 +226,15 @@ impl Report<'_> {
         }
         writeln!(
             f,
-            "Remedies: first see in {} whether every label is on the target. Then labels on the outline of the whole target, or boxes closely around it; a target in a colour \
+            "Remedies: first see in {} whether every label is on the target. Then labels on the outline of the whole target, or boxes closely around it; {}a target in a colour \
              that does not occur in its surroundings.",
-            self.mosaic()
+            self.mosaic(),
+            // Otherwise these were tried.
+            if self.adopted.is_none() && self.check.failures() == 0 {
+                "finer --bins or another --palette; "
+            } else {
+                ""
+            }
         )
     }
 
@@ -255,7 +261,7 @@ impl Report<'_> {
         {
             writeln!(
                 f,
-                "The colours were learnt with {options}: with the default bins, the detector finds the ball in {found_before} of them."
+                "The colours were learnt with {options}: with the default palette, the detector finds the ball in {found_before} of them."
             )?;
         }
         writeln!(
@@ -306,8 +312,13 @@ impl Report<'_> {
             ),
             None if self.check.failures() > 0 => writeln!(
                 f,
-                "Neither finer bins nor other palettes nor closer labels help. See in {} whether the labels are on the ball. If they are, learn from images in which the ball is sharp, whole, and in \
+                "{} See in {} whether the labels are on the ball. If they are, learn from images in which the ball is sharp, whole, and in \
                  front of other colours; label all balls in view.",
+                if self.adopted.is_some() {
+                    "No other palette and no closer labels help further."
+                } else {
+                    "Neither finer bins nor other palettes nor closer labels help."
+                },
                 self.mosaic()
             ),
             None => Ok(()),

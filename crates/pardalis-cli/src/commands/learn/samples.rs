@@ -146,7 +146,7 @@ fn learn(files: &[LabelledFile]) -> Result<Learnt> {
         model,
         check,
         ..
-    } = in_best_palette(files)?;
+    } = in_palette_that_finds(files)?;
     let failed = check.images.iter().enumerate();
     Ok(Learnt {
         found: evidence.separation.object_found,
@@ -159,21 +159,20 @@ fn learn(files: &[LabelledFile]) -> Result<Learnt> {
     })
 }
 
-/// Learns from labels with the default palette, and with other palettes until the detector finds the ball in all images. Returns the lesson in which it finds it in most, of equal ones the first.
+/// Learns from labels with the default palette, or else with the first with which the detector finds the ball in all images. If there is none, a label is the likelier cause.
 ///
 /// Errors: an image cannot be read.
-fn in_best_palette(files: &[LabelledFile]) -> Result<Lesson> {
-    let mut best = Lesson::of(files, files, Palette::HSI)?;
-    for (_, palette) in PALETTES {
-        if best.check.failures() == 0 {
-            break;
-        }
-        let lesson = Lesson::of(files, files, palette)?;
-        if lesson.check.failures() < best.check.failures() {
-            best = lesson;
+fn in_palette_that_finds(files: &[LabelledFile]) -> Result<Lesson> {
+    let lesson = Lesson::of(files, files, Palette::HSI)?;
+    if lesson.check.failures() > 0 {
+        for (_, palette) in PALETTES {
+            let other = Lesson::of(files, files, palette)?;
+            if other.check.failures() == 0 {
+                return Ok(other);
+            }
         }
     }
-    Ok(best)
+    Ok(lesson)
 }
 
 impl Learnt {

@@ -76,7 +76,7 @@ impl Session {
             .map_err(|refusal| user_error!("cameras.{}: {refusal}", known.camera))?;
         let pose = fit.camera_from_target.inverse();
         self.write_pose(&known.camera, &pose, "points")?;
-        let note = below_points(&points, &pose);
+        let note = below_points(&points, &fit);
         Ok(json!({ "rms_px": fit.rms_px, "outliers": fit.outliers, "note": note }))
     }
 

@@ -342,7 +342,7 @@ fn a_palette_that_finds_the_ball_is_taken_unless_another_is_given() {
         &text,
         &[
             "The detector finds the ball in 1 of 1",
-            "The colours were learnt with --palette hsi --bins 24,16,6: with the default bins, the detector finds the ball in 0 of them.",
+            "The colours were learnt with --palette hsi --bins 24,16,6: with the default palette, the detector finds the ball in 0 of them.",
         ],
     );
     let fine = model();

@@ -120,7 +120,10 @@ fn exchanged_images_are_named() {
             ));
         }
     }
-    assert!(!named.is_empty(), "{summary}");
+    // What is exchanged; where the others agree, they see the ball.
+    let is_exchanged =
+        |name: &String| name.starts_with("cameras.cam1") || name.starts_with("cameras.cam3");
+    assert!(named.iter().any(is_exchanged), "{summary}");
     let warning = format!(
         "warning: {}: what looks like ball there is not where other cameras show it",
         named.join(", ")
