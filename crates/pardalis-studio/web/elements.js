@@ -87,8 +87,11 @@ function release() {
 const isKey = (event) => event.key === " ";
 addEventListener("pointerdown", ({ target }) => { pressed = target; }, true);
 addEventListener("keydown", (event) => { if (isKey(event)) pressed = event.target; }, true);
-// After the listeners of what was pressed.
-for (const event of ["click", "change", "pointercancel", "dragend", "blur"]) addEventListener(event, release);
+for (const event of ["pointercancel", "dragend", "blur"]) addEventListener(event, release);
+// After the event `change` of a tick, which comes after its click.
+addEventListener("click", () => setTimeout(release), true);
+// A choice in a list has no click. What was typed in a field changes when something else is pressed.
+addEventListener("change", ({ target }) => { if (target === pressed) release(); });
 // A click comes after these, of a finger a little later; nothing does if the pointer has moved away.
 addEventListener("pointerup", () => setTimeout(release, RELEASE_MS), true);
 addEventListener("keyup", (event) => { if (isKey(event)) setTimeout(release, RELEASE_MS); }, true);
