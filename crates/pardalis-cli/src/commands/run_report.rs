@@ -17,7 +17,7 @@ const BLIND_FRAMES: usize = 25;
 const BLIND_SHARE: f64 = 0.1;
 /// Fewer frames in which a camera shows what looks like the target elsewhere say nothing. Hand-set.
 const ELSEWHERE_FRAMES: usize = 5;
-/// A smaller share of them among those that were searched says nothing either. Hand-set: between 0.2 and 0.9 if two of three cameras are exchanged, 0 if all are right.
+/// A smaller share of them among those that were searched says nothing either. Hand-set: it is 0 if all are right and nothing else looks like the target.
 const ELSEWHERE_SHARE: f64 = 0.2;
 
 /// Returns the targets that have rows but were tracked in none, each with its number and name.

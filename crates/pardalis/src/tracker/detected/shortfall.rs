@@ -1,14 +1,13 @@
 //! Whether the outline where a target is tracked falls short of its usual one: where the target passes something of its colours, a part of that may have taken its place. The filter
 //! does not notice it: what is seen is where the target was predicted, and an outline that is worse may be one that is partly hidden.
 
-/// The outline falls short if it has less than this share of the usual log-likelihood ratio. Experiment: on real clips, that of a ball rarely has for longer than two frames.
+/// The outline falls short if it has less than this share of the usual log-likelihood ratio. Hand-set: that of a ball on real clips rarely does for longer than two frames.
 const SHARE: f64 = 0.4;
-/// The weight of one frame in what is usual. Hand-set: a second, during which a ball becomes larger or smaller.
+/// The weight of one frame in what is usual. Hand-set: less than a second, during which a ball becomes larger or smaller, or comes into other light; what lasts for longer becomes usual.
 const RATE: f64 = 0.05;
 /// By how much each frame with such an outline is likelier if something else is tracked, nats; ...
 const FRAME_NATS: f64 = 0.9;
-/// ... and how much likelier it was before that it is the target, nats. Experiment, for both: of first frames with such an outline, one in fifteen is of something else, of third ones one in three, and of
-/// fifth ones most.
+/// ... and how much likelier it was before that it is the target, nats. Hand-set, both: the first frame with such an outline says little, and the fifth in a row is likelier of something else.
 const BEFORE_NATS: f64 = 3.4;
 
 /// For how long the outline has fallen short.
