@@ -120,6 +120,7 @@ export const colors = {
       targets.length > 1 && el("label", { class: "field" }, el("span", {}, "Object"), choice(targets.map((one) => [one.name, one.name]), app.target, (name) => app.select("target", name), { id: "target" })),
       samples.length > 0 && [el("h3", {}, `Labels of ${target.name}`), el("ul", { class: "rows", id: "labels" }, samples)],
       doubts.length > 0 && el("p", { class: "bad", id: "doubts" }, doubts.join(" ")),
+      target.learnt?.palette && el("p", { class: "now", id: "palette" }, `The colours are divided as with ${target.learnt.palette}: as usual, ${target.name} is not found in every labelled frame.`),
       samples.length > 0 && el("label", { class: "check" }, toggle, "Show everything that has these colours"),
       isMarked && about && el("p", { class: "now", id: "share" }, `${(100 * about.share).toFixed(2)} % of this image. Of the labelled object ${Math.round(100 * about.found)} % is found; of the rest ${(100 * about.mistaken).toFixed(2)} % has its colours, too: ${about.mistaken > MOST_MISTAKEN ? "that is too much." : "that is usual, and the outline tells them apart."}`),
       targets.length > 0 && disclosure("another-target", "Another object", add),

@@ -99,6 +99,11 @@ impl Check {
         self.images.iter().filter(is_ball).count()
     }
 
+    /// Returns the number of images in which a labelled ball was found.
+    pub(super) fn found(&self) -> usize {
+        self.ball_count() - self.failures()
+    }
+
     /// Returns the number of images in which the labelled ball was not found.
     pub(super) fn failures(&self) -> usize {
         let failed = self.images.iter().filter(|image| image.failed());

@@ -26,7 +26,7 @@ use crate::user_error::user_error;
 use check::Check;
 use evidence::Evidence;
 use inputs::{InputOptions, LabelledFile};
-use palette::PaletteOptions;
+use palette::{PALETTES, PaletteOptions};
 use remedy::Remedy;
 use report::Report;
 
@@ -155,26 +155,50 @@ fn learn_in_best_palette(
     files: &[LabelledFile],
     palette: Palette,
 ) -> Result<(Lesson, Option<Remedy>, Option<Adopted>)> {
-    let remedy_of = |lesson: &Lesson, palette: Palette| match lesson.check.failures() {
-        0 => Ok(None),
-        _ => Remedy::find(arguments, files, palette, &lesson.check),
-    };
     let lesson = learn(files, palette)?;
-    let remedy = remedy_of(&lesson, palette)?;
-    let other = remedy.as_ref().and_then(Remedy::palette);
-    if let (Some((other, options)), false) = (other, arguments.palette.is_given()) {
-        let again = learn(files, other)?;
-        if again.check.failures() < lesson.check.failures() {
-            let found_before = lesson.check.ball_count() - lesson.check.failures();
-            let adopted = Adopted {
-                options,
-                found_before,
-            };
-            let remedy = remedy_of(&again, other)?;
-            return Ok((again, remedy, Some(adopted)));
+    let remedy = Remedy::of_likely_labels(arguments, files, &lesson)?;
+    let found = remedy.as_ref().map_or(lesson.check.found(), Remedy::found);
+    let Some((better, options)) = in_better_palette(files, &lesson, found)? else {
+        let remedy = match remedy {
+            None => Remedy::of_closer_boxes(arguments, files, &lesson)?,
+            remedy => remedy,
+        };
+        return Ok((lesson, remedy, None));
+    };
+    if arguments.palette.is_given() {
+        let remedy = Remedy::of_palette(arguments, options, &better);
+        return Ok((lesson, Some(remedy), None));
+    }
+    let remedy = match Remedy::of_likely_labels(arguments, files, &better)? {
+        None => Remedy::of_closer_boxes(arguments, files, &better)?,
+        remedy => remedy,
+    };
+    let adopted = Adopted {
+        options,
+        found_before: lesson.check.found(),
+    };
+    Ok((better, remedy, Some(adopted)))
+}
+
+/// Learns from labels in other palettes than that of a lesson. Returns what the one teaches with which the detector finds most balls, the first of equal ones, and its options; `None` if
+/// it finds no more than `found` with any.
+fn in_better_palette(
+    files: &[LabelledFile],
+    lesson: &Lesson,
+    found: usize,
+) -> Result<Option<(Lesson, &'static str)>> {
+    let balls = lesson.check.ball_count();
+    let (mut best, mut most) = (None, found);
+    for (options, palette) in PALETTES {
+        if most < balls && palette != lesson.model.palette() {
+            let other = learn(files, palette)?;
+            if other.check.found() > most {
+                most = other.check.found();
+                best = Some((other, options));
+            }
         }
     }
-    Ok((lesson, remedy, None))
+    Ok(best)
 }
 
 /// Learns from labels, or from the outlines in their images if these are sharp and most of the labels are too large or too small.

@@ -6,6 +6,20 @@ use pardalis::color::{Palette, YuvEncoding, YuvMatrix, YuvRange};
 
 use crate::user_error::user_error;
 
+/// Other palettes that are tried, and their options.
+pub(super) const PALETTES: [(&str, Palette); 3] = [
+    (
+        "--palette hsi --bins 24,16,6",
+        Palette::Hsi {
+            hue_bins: 24,
+            saturation_bins: 16,
+            intensity_bins: 6,
+        },
+    ),
+    ("--palette yuv", Palette::YUV),
+    ("--palette rgb", Palette::Rgb { channel_bins: 8 }),
+];
+
 /// How colours are divided into bins.
 #[derive(Debug, clap::Args)]
 pub(super) struct PaletteOptions {

@@ -3,30 +3,15 @@
 use std::fmt;
 
 use anyhow::Result;
-use pardalis::color::Palette;
 
-use super::Arguments;
 use super::balls::Circle;
 use super::check::{Check, ImageCheck};
-use super::evidence::Evidence;
 use super::inputs::LabelledFile;
 use super::label::Label;
 use super::palette::words_of;
+use super::{Arguments, Lesson};
 use crate::shell_word::shell_word;
 
-/// The options of other palettes that are tried.
-pub(super) const PALETTES: [(&str, Palette); 3] = [
-    (
-        "--palette hsi --bins 24,16,6",
-        Palette::Hsi {
-            hue_bins: 24,
-            saturation_bins: 16,
-            intensity_bins: 6,
-        },
-    ),
-    ("--palette yuv", Palette::YUV),
-    ("--palette rgb", Palette::Rgb { channel_bins: 8 }),
-];
 /// The size of boxes that are tried, as a share of the labels'.
 const CLOSER: f64 = 0.85;
 
@@ -41,8 +26,8 @@ pub(super) struct Remedy {
 
 #[derive(Debug, Clone, Copy)]
 enum Change {
-    /// Another palette, and its options.
-    Options(&'static str, Palette),
+    /// Another palette, by its options.
+    Palette(&'static str),
     /// Boxes that are smaller than the labels.
     CloserBoxes,
     /// The numbers of the boxes as those of two corners.
@@ -52,60 +37,91 @@ enum Change {
 }
 
 impl Remedy {
-    /// Returns the change that makes the detector find the ball in most images, and in more than `check` did; of equal ones
-    /// the first that was tried.
+    /// Returns the other labels that were likely meant, if the detector finds more balls with them: boxes whose numbers were given in another order, and smaller ones if the labels are too
+    /// large.
     ///
     /// Errors: an image cannot be read.
-    pub(super) fn find(
+    pub(super) fn of_likely_labels(
         arguments: &Arguments,
         files: &[LabelledFile],
-        palette: Palette,
-        check: &Check,
+        lesson: &Lesson,
     ) -> Result<Option<Self>> {
-        let closer = closer_boxes(files, check);
-        let others = PALETTES.iter().filter(|(_, other)| *other != palette);
-        let palettes =
-            others.map(|&(options, other)| (Change::Options(options, other), files, other));
-        let boxes = (Change::CloserBoxes, &*closer, palette);
-        // If labels are too large, that is the likely cause.
-        let is_too_large = check.label_error().is_some_and(|error| error > 0.0);
-        let [first, last] = [is_too_large, !is_too_large].map(|tries| tries.then_some(boxes));
-        let reread = [Change::Corners, Change::Swapped];
-        let reread = reread.map(|change| Some((change, reread_boxes(files, change)?)));
-        let reread = reread.iter().flatten();
-        let reread = reread.map(|(change, files)| (*change, &**files, palette));
-        let tried = reread.chain(first).chain(palettes).chain(last);
-        let balls = check.ball_count();
+        if lesson.check.failures() == 0 {
+            return Ok(None);
+        }
         let mut best: Option<Self> = None;
-        for (change, files, palette) in tried {
-            let evidence = match Evidence::gather(files, palette) {
+        for change in [Change::Corners, Change::Swapped] {
+            if let Some(files) = reread_boxes(files, change)
                 // Read otherwise, boxes may lie outside of their images.
-                Err(_) if matches!(change, Change::Corners | Change::Swapped) => continue,
-                evidence => evidence?,
-            };
-            let tried = Check::run(files, &mut evidence.learner(), &evidence.model()?)?;
-            let found = tried.ball_count() - tried.failures();
-            let best_found = best
-                .as_ref()
-                .map_or(balls - check.failures(), |best| best.found);
-            if found > best_found {
-                let command = if let Change::Options(options, _) = change {
-                    command(arguments, &arguments.inputs.to_string(), options)
-                } else {
-                    let inputs: Vec<String> = files.iter().map(LabelledFile::to_string).collect();
-                    command(arguments, &inputs.join(" "), &words_of(palette))
-                };
-                best = Some(Self {
-                    change,
-                    found,
-                    command,
-                });
-            }
-            if found >= balls {
-                break;
+                && let Ok(other) = Lesson::of(&files, &files, lesson.model.palette())
+            {
+                let found = best.as_ref().map_or(lesson.check.found(), Self::found);
+                let change = (change, &*files);
+                best = Self::of_labels(arguments, change, &other, found).or(best);
             }
         }
-        Ok(best)
+        match lesson.check.label_error() {
+            Some(error) if error > 0.0 && best.is_none() => {
+                Self::of_closer_boxes(arguments, files, lesson)
+            }
+            _ => Ok(best),
+        }
+    }
+
+    /// Returns boxes that are smaller than the labels, if the detector finds more balls with them.
+    ///
+    /// Errors: an image cannot be read.
+    pub(super) fn of_closer_boxes(
+        arguments: &Arguments,
+        files: &[LabelledFile],
+        lesson: &Lesson,
+    ) -> Result<Option<Self>> {
+        if lesson.check.failures() == 0 {
+            return Ok(None);
+        }
+        let files = closer_boxes(files, &lesson.check);
+        let other = Lesson::of(&files, &files, lesson.model.palette())?;
+        let change = (Change::CloserBoxes, &*files);
+        Ok(Self::of_labels(
+            arguments,
+            change,
+            &other,
+            lesson.check.found(),
+        ))
+    }
+
+    /// Returns other labels, if the detector finds the ball in more than `found` images with what they teach.
+    fn of_labels(
+        arguments: &Arguments,
+        (change, files): (Change, &[LabelledFile]),
+        other: &Lesson,
+        found: usize,
+    ) -> Option<Self> {
+        let inputs: Vec<String> = files.iter().map(LabelledFile::to_string).collect();
+        let palette = words_of(other.model.palette());
+        (other.check.found() > found).then(|| Self {
+            change,
+            found: other.check.found(),
+            command: command(arguments, &inputs.join(" "), &palette),
+        })
+    }
+
+    /// Returns the options of another palette.
+    pub(super) fn of_palette(
+        arguments: &Arguments,
+        options: &'static str,
+        better: &Lesson,
+    ) -> Self {
+        Self {
+            change: Change::Palette(options),
+            found: better.check.found(),
+            command: command(arguments, &arguments.inputs.to_string(), options),
+        }
+    }
+
+    /// Returns the number of images in which the ball is found then.
+    pub(super) fn found(&self) -> usize {
+        self.found
     }
 }
 
@@ -171,7 +187,7 @@ fn closer_box(ball: &Circle) -> Label {
 impl fmt::Display for Remedy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.change {
-            Change::Options(options, _) => write!(f, "With {options}"),
+            Change::Palette(options) => write!(f, "With {options}"),
             Change::CloserBoxes => write!(
                 f,
                 "With boxes {:.0} % smaller than these labels",
@@ -187,21 +203,13 @@ impl fmt::Display for Remedy {
 impl Remedy {
     /// Reports whether it is about the size of the labels.
     pub(super) fn changes_labels(&self) -> bool {
-        !matches!(self.change, Change::Options(..))
-    }
-
-    /// Returns the other palette that it consists in, if it does, and its options.
-    pub(super) fn palette(&self) -> Option<(Palette, &'static str)> {
-        match self.change {
-            Change::Options(options, palette) => Some((palette, options)),
-            _ => None,
-        }
+        !matches!(self.change, Change::Palette(_))
     }
 
     /// Says what to do.
     pub(super) fn advice(&self) -> &'static str {
         match self.change {
-            Change::Options(..) => "learn again with this option",
+            Change::Palette(_) => "learn again with this option",
             Change::CloserBoxes => {
                 "the labels are larger than the ball, or its edge is blurred; take these boxes"
             }
@@ -232,7 +240,11 @@ mod tests {
         let command_line = Arguments::augment_args(Command::new("learn"));
         let matches = command_line.try_get_matches_from([&["learn"], words].concat());
         let arguments = Arguments::from_arg_matches(&matches.unwrap()).unwrap();
-        command(&arguments, &arguments.inputs.to_string(), PALETTES[0].0)
+        command(
+            &arguments,
+            &arguments.inputs.to_string(),
+            "--palette hsi --bins 24,16,6",
+        )
     }
 
     #[test]

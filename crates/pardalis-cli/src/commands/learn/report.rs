@@ -248,7 +248,7 @@ impl Report<'_> {
                  If it is a ball, label its whole outline with --circle, or draw boxes closely around it with --rect."
             );
         }
-        let found = balls - self.check.failures();
+        let found = self.check.found();
         writeln!(
             f,
             "\nThe detector finds the ball in {found} of {balls} of these images, with a typical camera:"

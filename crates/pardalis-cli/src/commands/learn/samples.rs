@@ -8,13 +8,12 @@ use pardalis::color::{ColorModel, Palette};
 use pardalis_camera::Camera;
 use pardalis_images::RgbImage;
 
-use super::Lesson;
 use super::contrast::{Search, ball_of_contrast};
 use super::evidence::Evidence;
 use super::inputs::LabelledFile;
 use super::label::Label;
 use super::outline::refined;
-use super::remedy::PALETTES;
+use super::{Lesson, in_better_palette};
 use crate::draw::picture::picture_of;
 use crate::user_error::user_error;
 
@@ -57,6 +56,8 @@ pub(crate) struct Learnt {
     pub(crate) mistaken: f64,
     /// The frames, by their place among the samples, in which the detector does not find what is labelled.
     pub(crate) failed: Vec<usize>,
+    /// The options of the palette that was taken because the detector misses the ball with the default one.
+    pub(crate) palette: Option<&'static str>,
 }
 
 /// Returns the outline of a ball that was pointed at, as a camera with this lens shows it; without a lens, as a typical one does. The image decides: what is
@@ -141,12 +142,15 @@ pub(crate) fn learn_samples(samples: &[Sample]) -> Result<Learnt> {
 }
 
 fn learn(files: &[LabelledFile]) -> Result<Learnt> {
+    let lesson = super::learn(files, Palette::HSI)?;
+    let better = in_better_palette(files, &lesson, lesson.check.found())?;
+    let palette = better.as_ref().map(|(_, options)| *options);
     let Lesson {
         evidence,
         model,
         check,
         ..
-    } = in_palette_that_finds(files)?;
+    } = better.map_or(lesson, |(better, _)| better);
     let failed = check.images.iter().enumerate();
     Ok(Learnt {
         found: evidence.separation.object_found,
@@ -154,25 +158,10 @@ fn learn(files: &[LabelledFile]) -> Result<Learnt> {
         failed: failed
             .filter_map(|(number, image)| image.failed().then_some(number))
             .collect(),
+        palette,
         model,
         evidence,
     })
-}
-
-/// Learns from labels with the default palette, or else with the first with which the detector finds the ball in all images. If there is none, a label is the likelier cause.
-///
-/// Errors: an image cannot be read.
-fn in_palette_that_finds(files: &[LabelledFile]) -> Result<Lesson> {
-    let lesson = Lesson::of(files, files, Palette::HSI)?;
-    if lesson.check.failures() > 0 {
-        for (_, palette) in PALETTES {
-            let other = Lesson::of(files, files, palette)?;
-            if other.check.failures() == 0 {
-                return Ok(other);
-            }
-        }
-    }
-    Ok(lesson)
 }
 
 impl Learnt {
@@ -323,6 +312,7 @@ mod tests {
         let learnt = learn_samples(&[sample]).unwrap();
         assert_eq!(learnt.failed, [0; 0]);
         assert_ne!(learnt.model.palette(), Palette::HSI);
+        assert!(learnt.palette.is_some());
     }
 
     /// In these frames of a bundled webcam, the ball has a highlight, is reflected by the table, and is before books of many colours.

@@ -150,7 +150,7 @@ impl Inner {
             json!({ "camera": sample.camera, "frame": sample.number, "outline_px": sample.outline_px })
         });
         let learnt = self.learnt.get(&target.name).map(|learnt| {
-            json!({ "found": learnt.found, "mistaken": learnt.mistaken, "failed": learnt.failed })
+            json!({ "found": learnt.found, "mistaken": learnt.mistaken, "failed": learnt.failed, "palette": learnt.palette })
         });
         let colors = body.colors.as_ref().map(|file| &file.value);
         let has_colors = colors.is_some_and(|file| self.project.folder().join(file).is_file());
