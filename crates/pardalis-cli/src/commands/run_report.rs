@@ -1,6 +1,7 @@
 //! The report of a finished run: its summary and warnings.
 
 use pardalis::TargetId;
+use pardalis::tracker::Contribution;
 
 use crate::measurements;
 use crate::numbers::counted;
@@ -154,7 +155,9 @@ fn blind_cameras(run: &Run) -> Vec<String> {
         let contributions = cameras.iter().zip(contributions.unwrap_or_default());
         let blind = contributions.filter(|(_, camera)| {
             let due = camera.visible_frames + camera.blind_frames;
+            // Those that show it elsewhere are named for that.
             camera.blind_frames >= BLIND_FRAMES
+                && !shows_it_elsewhere(camera)
                 && (camera.visible_frames as f64) < BLIND_SHARE * due as f64
         });
         let warnings = blind.map(|(camera, contribution)| {
@@ -182,10 +185,7 @@ fn misplaced_cameras(run: &Run) -> impl Iterator<Item = String> {
     targets.filter_map(move |(number, target)| {
         let contributions = run.open.tracker.contributions(TargetId::new(number));
         let contributions = cameras.iter().zip(contributions.ok()?);
-        let misplaced = contributions.filter(|(_, camera)| {
-            let [elsewhere, searched] = [camera.elsewhere_frames, camera.searched_frames];
-            elsewhere >= ELSEWHERE_FRAMES && elsewhere as f64 >= ELSEWHERE_SHARE * searched as f64
-        });
+        let misplaced = contributions.filter(|(_, camera)| shows_it_elsewhere(camera));
         let first = misplaced.clone().next().map(|(camera, _)| &camera.name);
         let listed: Vec<_> = misplaced
             .map(|(camera, contribution)| {
@@ -204,6 +204,12 @@ fn misplaced_cameras(run: &Run) -> impl Iterator<Item = String> {
             )
         })
     })
+}
+
+/// Reports whether a camera shows what looks like the target where the other cameras do not show it.
+fn shows_it_elsewhere(camera: &Contribution) -> bool {
+    let [elsewhere, searched] = [camera.elsewhere_frames, camera.searched_frames];
+    elsewhere >= ELSEWHERE_FRAMES && elsewhere as f64 >= ELSEWHERE_SHARE * searched as f64
 }
 
 /// Returns a table of the frames of each camera, and in how many of them it saw each target; empty for a single camera
