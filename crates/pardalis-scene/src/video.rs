@@ -203,7 +203,8 @@ impl VideoInput {
 
     /// Returns the file or the camera of Linux of this name.
     pub fn of_path(path: &str) -> Self {
-        let format = path.starts_with(LINUX_CAMERAS).then_some(VideoFormat::V4l2);
+        let is_camera = LINUX_CAMERAS.iter().any(|start| path.starts_with(start));
+        let format = is_camera.then_some(VideoFormat::V4l2);
         Self {
             place: match format {
                 Some(_) => VideoPlace::Device(path.to_owned()),
@@ -220,8 +221,8 @@ impl VideoInput {
 /// How long to try to open a camera again, in seconds: longer than most cameras need to start.
 const REOPEN_S: f64 = 60.0;
 
-/// Names of cameras of Linux start with this.
-const LINUX_CAMERAS: &str = "/dev/video";
+/// Names of cameras of Linux start with these: those with numbers, and links that stay the same.
+const LINUX_CAMERAS: [&str; 2] = ["/dev/video", "/dev/v4l/"];
 
 /// Reads the table `input` of a camera, if it is given.
 pub(super) fn read_settings(camera: &Table) -> Option<VideoSettings> {
@@ -234,7 +235,7 @@ pub(super) fn read_settings(camera: &Table) -> Option<VideoSettings> {
                     "format",
                     "Interface to a device (`v4l2` on Linux, `libdc1394` for FireWire, `dshow` on Windows, `avfoundation` on macOS), or format of a file or stream that is not recognised by itself.",
                 )
-                .depends("`v4l2` for `/dev/video...`, otherwise recognised")
+                .depends("`v4l2` for `/dev/video...` and `/dev/v4l/...`, otherwise recognised")
                 .optional::<VideoFormat>();
             let pixel_format = table
                 .key(

@@ -31,8 +31,8 @@ const MAX_ROWS: usize = 200_000;
 /// The most rows in one answer.
 const MAX_ANSWERED: usize = 20_000;
 /// The upper limits of the histogram of tracking times, in milliseconds; there is one more bin above.
-const HISTOGRAM_MS: [f64; 12] = [
-    0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 25.0, 50.0, 100.0,
+const HISTOGRAM_MS: [f64; 14] = [
+    0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 25.0, 50.0, 100.0, 200.0, 500.0,
 ];
 
 /// What shows a run. Cloning shares it.
@@ -180,7 +180,7 @@ pub(crate) struct WatchSink {
     told_s: f64,
     /// The last state, if it was not told because another was told shortly before.
     untold: Option<Value>,
-    /// How often tracking took how long.
+    /// How often estimates of live cameras were how old, from the capture of their images on; how often tracking took how long without.
     histogram: [u64; HISTOGRAM_MS.len() + 1],
     text: String,
 }
@@ -188,8 +188,9 @@ pub(crate) struct WatchSink {
 impl Sink for WatchSink {
     fn take(&mut self, instant: &Instant) -> Result<()> {
         self.marker.follow(instant);
-        let tracking_ms = 1e3 * instant.tracking_s;
-        self.histogram[HISTOGRAM_MS.partition_point(|limit_ms| *limit_ms < tracking_ms)] += 1;
+        let latency_s = instant.captured_s.map(|captured_s| now_s() - captured_s);
+        let time_ms = 1e3 * latency_s.unwrap_or(instant.tracking_s);
+        self.histogram[HISTOGRAM_MS.partition_point(|limit_ms| *limit_ms < time_ms)] += 1;
         let row_count = self.add_rows(instant);
         if let Some(recording) = &self.watch.recording {
             recording.take(instant);
@@ -283,7 +284,7 @@ impl WatchSink {
             "rows": row_count,
             "recording": self.watch.recording.as_ref().map(Recording::about),
             "targets": targets.collect::<Vec<_>>(),
-            "tracking_ms": { "limits": HISTOGRAM_MS, "counts": self.histogram },
+            "times_ms": { "limits": HISTOGRAM_MS, "counts": self.histogram },
         })
     }
 

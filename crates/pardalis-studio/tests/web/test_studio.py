@@ -11,6 +11,7 @@ import re
 import shutil
 import socket
 import subprocess
+import sys
 import threading
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -334,7 +335,8 @@ def test_mistakes_are_refused_with_their_remedy_and_change_nothing(studio, tmp_p
         "add_source": ({"input": str(tmp_path / "secret.toml")}, "start it with the folder that holds it"),
         "add_source ": ({"input": "/dev/../etc/passwd"}, "start it with the folder that holds it"),
         "add_source  ": ({"input": "/dev/video/../../etc/passwd"}, "start it with the folder that holds it"),
-        "add_source   ": ({"input": "file:///etc/passwd"}, "rtsp"),
+        "add_source   ": ({"input": "/dev/v4l/by-id/../../../etc/passwd"}, "start it with the folder that holds it"),
+        "add_source    ": ({"input": "file:///etc/passwd"}, "rtsp"),
         "files": ({"folder": "/etc"}, "start it with the folder that holds it"),
         "set_calibration": ({"camera": "camera", "file": "../secret.toml"}, "start it with the folder"),
         "set_fov": ({"camera": "camera", "fov_deg": 180}, "allowed: 1 to 170"),
@@ -739,6 +741,50 @@ def test_a_tab_that_slept_shows_the_newest(studio, tmp_path, stream):
     drawn = page.evaluate("document.querySelector('canvas').toDataURL()")
     until(lambda: page.evaluate("document.querySelector('canvas').toDataURL()") != drawn)
     assert page.locator(".message.error").count() == 0
+
+
+# Stands in for ffmpeg and ffprobe before a webcam, which is fast and large only with compressed images, as most are. Everything else is the real program's.
+WEBCAM = """#!{python}
+import os, sys
+real, given = "{real}", sys.argv[1:]
+if "v4l2" in given and "-i" in given:
+    opening, rest = given[: given.index("-i")], given[given.index("-i") + 2 :]
+    if "-list_formats" in opening:
+        print("[video4linux2,v4l2 @ 0x1] Raw       :     yuyv422 :           YUYV 4:2:2 : 640x480 1920x1080", file=sys.stderr)
+        sys.exit("[video4linux2,v4l2 @ 0x1] Compressed:       mjpeg :          Motion-JPEG : 640x480 1280x720 1920x1080")
+    def asked(option, otherwise):
+        return opening[opening.index(option) + 1] if option in opening else otherwise
+    is_compressed = asked("-input_format", "") == "mjpeg"
+    size, rate = (asked("-video_size", "640x480"), asked("-framerate", "30")) if is_compressed else ("640x480", "5")
+    own = ["-max_pixels", "-protocol_whitelist", "-format_whitelist", "-f", "-framerate", "-video_size", "-pixel_format", "-input_format"]
+    for option in own:
+        if option in opening:
+            del opening[opening.index(option) : opening.index(option) + 2]
+    re = ["-re"] if real.endswith("ffmpeg") else []
+    given = [*opening, *re, "-f", "lavfi", "-i", f"testsrc2=size={{size}}:rate={{rate}}", *rest]
+os.execv(real, [real, *given])
+"""
+
+
+def test_a_webcam_is_asked_for_its_best_images(studio, tmp_path, monkeypatch):
+    bin = tmp_path / "bin"
+    bin.mkdir()
+    for name in ["ffmpeg", "ffprobe"]:
+        (bin / name).write_text(WEBCAM.format(python=sys.executable, real=shutil.which(name)))
+        (bin / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{bin}:{os.environ['PATH']}")
+    (tmp_path / "in").mkdir()
+    one = studio(folder=tmp_path / "in")
+    page = one.page
+    page.fill("#address", "/dev/video7")
+    page.keyboard.press("Enter")
+    expect(page.locator("figure .live")).to_be_visible()
+    text = one.ask("state")["text"]
+    for line in ['video = "/dev/video7"', "fps = 30", 'input.codec = "mjpeg"', "size_px = [1280, 720]"]:
+        assert f"\n{line}" in text, text
+    expect(page.locator("figcaption")).to_contain_text(re.compile(r"(2\d|30)\.\d per second"))
+    # Otherwise it would be 4 to 3.
+    assert abs(page.locator("canvas").evaluate("canvas => canvas.width / canvas.height") - 16 / 9) < 0.01
 
 
 def test_a_live_stream_is_shown_learnt_tracked_and_stopped(studio, tmp_path, stream):

@@ -104,6 +104,10 @@ def test_known_points_say_where_the_room_is(studio, desk):
         for axis, value in zip("xyz", point["world_m"]):
             page.fill(f"#point-{number}-{axis}", str(value))
             page.keyboard.press("Tab")
+    # They outlive the page.
+    page.reload()
+    one.step("pose")
+    expect(page.locator("#point-3-y")).to_have_value("0.9")
     page.select_option("#way", "ball")
     expect(page.locator("#wave-world")).to_have_value("points")
     page.click("#wave")

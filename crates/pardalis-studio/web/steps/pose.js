@@ -9,8 +9,10 @@ const WAYS = { points: "Known points", rectangle: "A rectangle on the floor", bo
 const AXES = [["x", "#ff5a4f"], ["y", "#52d273"], ["z", "#5aa9ff"]];
 
 let way = "points";
-/** The known points of each camera: `{ at_px, world_m }`. */
+/** The known points of each camera: `{ at_px, world_m }`. They are no part of the scene: the tab keeps them, for when the page is loaded anew. */
 const points = new Map();
+/** Under which name. */
+let kept = null;
 /** The floor as each camera shows it, and of which state that is. */
 const floors = new Map();
 let size_m = [1, 1];
@@ -20,6 +22,17 @@ const pointsOf = (name) => points.get(name) ?? points.set(name, []).get(name);
 
 /** Returns the points of another camera, which are the same places as those of this one unless somebody says otherwise; an empty list if there are none. */
 const othersOf = (name) => [...points].find(([other, list]) => other !== name && list.length > 0)?.[1] ?? [];
+
+const keep = () => sessionStorage.setItem(kept, JSON.stringify([...points]));
+
+function restore(app) {
+  if (kept) return;
+  kept = `points of ${app.state.path}`;
+  for (const [name, list] of JSON.parse(sessionStorage.getItem(kept) ?? "[]")) {
+    points.set(name, list);
+    app.pictures.get(name)?.redraw();
+  }
+}
 
 /** Adds a known point. With the last one whose place is known from another camera, the pose is. */
 function mark(app, name, at_px) {
@@ -94,6 +107,7 @@ async function compute(app, request, value) {
 }
 
 function redrawn(app) {
+  keep();
   app.pictures.get(app.camera)?.redraw();
   app.render();
 }
@@ -108,7 +122,7 @@ function list(app) {
       ["x", "y", "z"].map((axis, i) =>
         el("input", {
           type: "number", step: "any", id: `point-${number}-${axis}`, value: point.world_m[i], "aria-label": `${axis} of point ${number + 1} in metres`,
-          onchange: (event) => { point.world_m[i] = Number(event.target.value); },
+          onchange: (event) => { point.world_m[i] = Number(event.target.value); keep(); },
         }),
       ),
       button("×", () => { known.splice(number, 1); redrawn(app); }, { "aria-label": `Remove point ${number + 1}` }),
@@ -183,6 +197,7 @@ export const pose = {
   pictureKey: () => way,
 
   render(app) {
+    restore(app);
     const one = app.state.cameras.find(({ name }) => name === app.camera);
     if (!one) return [];
     const isGuess = app.state.guesses.some(({ key }) => key === `cameras.${one.name}.world_from_camera`);

@@ -113,20 +113,24 @@ function targetRow({ name, state, confidence, position_m: at, sigma_m: sigma }) 
   );
 }
 
-function histogram({ limits, counts }) {
+function histogram({ limits, counts }, isLive) {
   const most = Math.max(...counts, 1);
   const total = counts.reduce((sum, count) => sum + count, 0);
+  const upTo = (i) => (limits[i] === undefined ? `above ${limits.at(-1)}` : `up to ${limits[i]}`);
   let [sum, half] = [0, 0];
   counts.forEach((count, i) => {
-    if (sum < total / 2) half = limits[i] ?? limits.at(-1);
+    if (sum < total / 2) half = i;
     sum += count;
   });
   const bars = counts.map((count, i) => {
-    const bar = el("span", { title: `${limits[i] === undefined ? `above ${limits.at(-1)}` : `up to ${limits[i]}`} ms: ${count}` });
+    const bar = el("span", { title: `${upTo(i)} ms: ${count}` });
     bar.style.height = `${(100 * count) / most}%`;
     return bar;
   });
-  return [el("h3", {}, "Time per frame"), el("div", { class: "histogram", role: "img", "aria-label": `Half of the frames took up to ${half} ms` }, bars), el("p", { class: "axis" }, el("span", {}, `${limits[0]} ms`), el("span", {}, `half up to ${half} ms`), el("span", {}, `${limits.at(-1)} ms`))];
+  const about = isLive
+    ? el("h3", { title: "From the time an image was taken until its estimate was ready" }, "Latency")
+    : el("h3", { title: "How long the estimate of a frame took" }, "Time per frame");
+  return [about, el("div", { class: "histogram", role: "img", "aria-label": `Half of the frames took ${upTo(half)} ms` }, bars), el("p", { class: "axis" }, el("span", {}, `${limits[0]} ms`), el("span", {}, `half ${upTo(half)} ms`), el("span", {}, `${limits.at(-1)} ms`))];
 }
 
 /** The choices before a run of recordings; live cameras have no end, and do not wait. */
@@ -248,7 +252,7 @@ function nowOf(app) {
   const recorded = app.state.run.goes_on && now.recording ? recordedText(now.recording) : [];
   const silence = silent_s >= SILENT_S && el("p", { class: "bad", id: "silence" }, `No new frame for ${silent_s} s: these values are old.`);
   const of = app.state.run.goes_on ? "" : "At the end: ";
-  return [...recorded, silence, el("p", { class: "time" }, `${of}Frame ${now.frame}, ${instant(now.time_s)}${age}`), el("div", { class: silence ? "stale" : "" }, targets.map(targetRow)), ruledOut(app, targets.some(isMissing)), histogram(now.tracking_ms)].flat(9).filter(Boolean);
+  return [...recorded, silence, el("p", { class: "time" }, `${of}Frame ${now.frame}, ${instant(now.time_s)}${age}`), el("div", { class: silence ? "stale" : "" }, targets.map(targetRow)), ruledOut(app, targets.some(isMissing)), histogram(now.times_ms, now.age_s !== null)].flat(9).filter(Boolean);
 }
 
 function updateNow(app) {

@@ -79,8 +79,7 @@ input.codec = \"mjpeg\"
 "
     );
     assert!(text.starts_with(&wanted), "{text}");
-    let link =
-        format!("# video = \"{dev}/v4l/by-id/usb-C920-index0\"\n# input.format = \"v4l2\"\n");
+    let link = format!("# video = \"{dev}/v4l/by-id/usb-C920-index0\"\n");
     assert_eq!(text.contains(&link), cfg!(unix), "{text}");
     for part in [
         "video1: HD Pro Webcam C920: metadata\n#   it delivers no images that ffmpeg can read: /dev/video1: Inappropriate ioctl for device\n",

@@ -20,6 +20,16 @@ impl Formats {
             .max_by_key(area)
             .or_else(|| sizes().min_by_key(area))
     }
+
+    /// Returns the line of a scene that asks for it.
+    pub(crate) fn line(&self) -> String {
+        let key = if self.is_compressed {
+            "codec"
+        } else {
+            "pixel_format"
+        };
+        format!("input.{key} = \"{}\"", self.name)
+    }
 }
 
 /// Returns the format that a scene had best ask for: most cameras reach their full rate only with single compressed images.

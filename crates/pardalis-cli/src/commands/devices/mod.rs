@@ -11,11 +11,16 @@ use pardalis_scene::is_name;
 
 use crate::output::{Shown, print, warn};
 use crate::source::CameraFormats;
+#[cfg(feature = "studio")]
+use crate::user_error::user_error;
 use formats::{Formats, formats_in};
 use nodes::{Node, nodes};
 
 /// Images of a camera are not larger than this in the lines that are suggested, in pixels.
 const SUGGESTED_PX: usize = 1280 * 720;
+
+/// The line that asks a camera for its rate.
+const FPS_LINE: &str = "fps = 30  # asked for; the camera may have another";
 
 /// Names of cameras that are suggested are not longer than this, so that a number can follow.
 const LONGEST_NAME: usize = 40;
@@ -64,6 +69,34 @@ pub(crate) fn listed() -> Vec<(String, String)> {
     usable
         .map(|node| (node.path.to_string_lossy().into_owned(), node.name))
         .collect()
+}
+
+/// What a scene had best ask a camera of this computer for.
+#[cfg(feature = "studio")]
+#[derive(Debug, Default)]
+pub(crate) struct Asked {
+    /// Lines of the camera's table.
+    pub(crate) lines: String,
+    /// Width and height of its images, in pixels.
+    pub(crate) size_px: Option<[usize; 2]>,
+}
+
+#[cfg(feature = "studio")]
+impl Asked {
+    /// Asks ffmpeg what a camera delivers.
+    ///
+    /// Errors: it delivers no images; ffmpeg is not installed.
+    pub(crate) fn of(device: &Path) -> Result<Self> {
+        let messages = CameraFormats::find()?.messages_about(device)?;
+        let formats =
+            formats_in(&messages).map_err(|why| user_error!("{}: {why}", device.shown()))?;
+        let best = formats::best(&formats);
+        let format = best.map_or(String::new(), |best| format!("{}\n", best.line()));
+        Ok(Self {
+            lines: format!("{FPS_LINE}\n{format}"),
+            size_px: best.and_then(|best| best.size_px(SUGGESTED_PX)),
+        })
+    }
 }
 
 /// Describes the cameras below these roots of `/dev` and `/sys`, each as comments and a table of a scene. `messages_about`
@@ -134,10 +167,7 @@ fn table(node: &Node, formats: &[Formats], names: &mut Vec<String>) -> String {
     }
     let name = unused_name(&node.name, names);
     let device = toml::Value::from(node.path.to_string_lossy().into_owned());
-    let _ = write!(
-        text,
-        "\n[cameras.{name}]\nvideo = {device}\nfps = 30  # asked for; the camera may have another"
-    );
+    let _ = write!(text, "\n[cameras.{name}]\nvideo = {device}\n{FPS_LINE}");
     if let Some(best) = formats::best(formats) {
         if let Some([width, height]) = best.size_px(SUGGESTED_PX) {
             let _ = write!(
@@ -145,19 +175,14 @@ fn table(node: &Node, formats: &[Formats], names: &mut Vec<String>) -> String {
                 "\nsize_px = [{width}, {height}]  # that of the calibration"
             );
         }
-        let key = if best.is_compressed {
-            "codec"
-        } else {
-            "pixel_format"
-        };
-        let _ = write!(text, "\ninput.{key} = \"{}\"", best.name);
+        let _ = write!(text, "\n{}", best.line());
     }
     text += "\n# calibration = \"camera.toml\"";
     if let Some(link) = &node.stable_link {
         let link = toml::Value::from(link.to_string_lossy().into_owned());
         let _ = write!(
             text,
-            "\n# The same camera after a restart or at another place among several, instead of video above:\n# video = {link}\n# input.format = \"v4l2\""
+            "\n# The same camera after a restart or at another place among several, instead of video above:\n# video = {link}"
         );
     }
     names.push(name);

@@ -115,10 +115,15 @@ impl Places {
     }
 }
 
-/// Reports whether this names a camera of Linux.
+/// Reports whether this names a camera of Linux: by its number, or by a link that is the same after a restart.
 pub(super) fn is_device(input: &str) -> bool {
-    let number = input.strip_prefix("/dev/video");
-    number.is_some_and(|number| number.bytes().all(|byte| byte.is_ascii_digit()))
+    let is_number = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_link = |text: &str| !text.is_empty() && !text.contains('/') && text != "..";
+    let links = ["/dev/v4l/by-id/", "/dev/v4l/by-path/"];
+    input.strip_prefix("/dev/video").is_some_and(is_number)
+        || links
+            .iter()
+            .any(|links| input.strip_prefix(links).is_some_and(is_link))
 }
 
 /// Returns all texts in a value.
@@ -186,6 +191,7 @@ mod tests {
 
     #[test]
     fn scenes_name_nothing_outside_unless_they_did_before() {
+        assert!(!is_device("/dev/v4l/by-id/../../../etc/passwd"));
         let folder = tempfile::tempdir().unwrap();
         let inside = folder.path().join("in");
         fs::create_dir_all(inside.join("frames")).unwrap();
@@ -193,7 +199,7 @@ mod tests {
         let places = Places::of(std::slice::from_ref(&inside)).unwrap();
         let check = |text: &str, known: &str| places.check_scene(text, known, &inside);
         for fine in [
-            "a = ['frames', 'missing', 'udp://127.0.0.1:1', '/dev/video0', '']",
+            "a = ['frames', 'missing', 'udp://127.0.0.1:1', '/dev/video0', '/dev/v4l/by-id/usb-C920-index0', '']",
             "a.b = { c = 'frames' }",
         ] {
             check(fine, "").unwrap();

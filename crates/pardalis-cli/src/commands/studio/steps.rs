@@ -12,6 +12,7 @@ use super::edits::{with_camera_name, with_lens, with_table, without};
 use super::places::is_device;
 use super::running::Running;
 use super::session::{Inner, Session};
+use crate::commands::devices::Asked;
 use crate::commands::init::text::{Calibration, CameraText, target_text};
 use crate::commands::init::{self, Fov, Input, Model, Opened};
 use crate::commands::learn::samples::{Learnt, Pointed, Sample, box_of, learn_samples, outline_of};
@@ -121,20 +122,27 @@ impl Session {
 
     /// Opens a live camera, for the size of its images and then for its pictures.
     fn live_camera(&self, input: &str) -> Result<CameraText> {
-        match self.live_camera_of(input, "") {
+        if is_device(input) {
+            return self.live_camera_of(input, &Asked::of(Path::new(input))?);
+        }
+        match self.live_camera_of(input, &Asked::default()) {
             // Most network cameras send such images, and the address does not say so.
             Err(error) if error.is::<SingleImages>() => {
-                self.live_camera_of(input, "input.format = \"mpjpeg\"\n")
+                let lines = "input.format = \"mpjpeg\"\n".to_owned();
+                let size_px = None;
+                self.live_camera_of(input, &Asked { lines, size_px })
             }
             result => result,
         }
     }
 
     /// The same with further lines of settings.
-    fn live_camera_of(&self, input: &str, settings: &str) -> Result<CameraText> {
+    fn live_camera_of(&self, input: &str, asked: &Asked) -> Result<CameraText> {
         let place = toml::Value::from(input);
+        let Asked { lines, size_px } = asked;
+        let size_px = size_px.map_or(String::new(), |size_px| format!("size_px = {size_px:?}\n"));
         let probe = format!(
-            "[cameras.camera]\nvideo = {place}\n{settings}world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
+            "[cameras.camera]\nvideo = {place}\n{lines}{size_px}world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
              model.pinhole = {{ f_px = [1, 1], center_px = [0, 0] }}\n"
         );
         let (scene, problems) = Scene::parse_parts(&probe, &|_, _| Err(String::new()));
@@ -159,7 +167,7 @@ impl Session {
         };
         self.inner().open = vec![(config, source)];
         let camera = CameraText::guessed(Model::Pinhole, &Fov::Unknown, &opened, input, None);
-        Ok(camera.with_settings(settings))
+        Ok(camera.with_settings(lines))
     }
 
     /// Removes a camera or a target.
