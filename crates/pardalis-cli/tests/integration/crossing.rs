@@ -53,6 +53,14 @@ fn landings_of_a_ball_with_drag_and_spin_are_predicted() {
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.contains("crossings.csv"), "{}", run.stdout);
 
+    // It is thrown at once, by three of its diameters from one frame to the next.
+    let run = Run::pardalis(&place, &["evaluate", "out", "made", "--json", "-"]);
+    let report: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    let errors = &report["targets"][0]["all"]["errors"]["position_m"];
+    let error_m = |figure: &str| errors[figure].as_f64().unwrap();
+    assert!(error_m("median") < 0.002, "{errors}");
+    assert!(error_m("max") < 0.01, "{errors}");
+
     let text = fs::read_to_string(place.path().join("out/crossings.csv")).unwrap();
     let predicted = rows(&text);
     assert!(predicted.iter().all(|row| row.len() == 14), "{text}");

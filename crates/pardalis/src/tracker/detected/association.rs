@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::DetectedTarget;
+use super::detection::is_by_few;
 use super::look_alikes::LookAlikes;
 use crate::color::PixelKind;
 use crate::likelihood::edge::{Detection, EdgeFrame, Widening};
@@ -25,6 +26,8 @@ pub(super) struct AssociatedDetection {
     pub(super) existence_log_ratio: f64,
     /// What each camera adds to the edge cue's log-likelihood ratio at this detection, in nats, so that it compares with clutter.
     pub(super) log_ratio_offset: f32,
+    /// Whether fewer than half of the cameras that have it in view see it.
+    pub(super) is_by_few: bool,
     /// How its likelihood is widened, if it is.
     pub(super) widened: Option<Widening>,
 }
@@ -45,7 +48,9 @@ impl DetectedTarget {
             let by_boxes = self.boxes.as_ref();
             let by_boxes = by_boxes.map_or(0.0, |boxes| boxes.nats(frames, detection.position_m()));
             let found = (number, detection, by_boxes);
-            associated.extend(self.associate_one(found, look_alikes, candidate));
+            let is_by_few = is_by_few(&self.edge, frames, detection);
+            let one = self.associate_one(found, look_alikes, candidate);
+            associated.extend(one.map(|one| AssociatedDetection { is_by_few, ..one }));
         }
         self.leave_out_sights(frames, detections, associated, candidates);
         if !self.track.is_known()
@@ -205,6 +210,7 @@ impl DetectedTarget {
             alone: likeness,
             existence_log_ratio,
             log_ratio_offset: ((log_weight - log_volume - log_ratio) / cameras) as f32,
+            is_by_few: false,
             widened: None,
         })
     }

@@ -99,6 +99,15 @@ impl Priors<'_> {
     }
 }
 
+/// Whether fewer than half of the cameras that have a detection in view see it: to the others it is hidden, or they see the target elsewhere.
+pub(super) fn is_by_few(edge: &EdgeCue, frames: &[EdgeFrame], detection: &Detection) -> bool {
+    let position_m = detection.position_m();
+    let in_view = frames
+        .iter()
+        .filter(|frame| edge.is_in_view(frame, position_m));
+    2 * detection.camera_count() < in_view.count()
+}
+
 /// Priors of the yaw of a shape that looks the same after turns by this angle: together they cover all of them.
 fn any_yaw(period_rad: f64, tuning: &HeadingTuning) -> Vec<YawPrior> {
     let count = (period_rad / tuning.search_step_rad).ceil().max(1.0);
@@ -208,7 +217,12 @@ impl Detector {
         }
         self.since_search += 1;
         let predicted_log_ratio = self.greatest_log_ratio();
-        let is_sure = predicted_log_ratio > tuning.sure_log_ratio;
+        // Others of a crowd hide members all the time.
+        let is_shown = |found: &Detection| self.is_of_crowd || !is_by_few(edge, frames, found);
+        let is_sure = self
+            .detections()
+            .iter()
+            .any(|found| found.coarse_log_ratio() > tuning.sure_log_ratio && is_shown(found));
         let is_due = self.since_search >= tuning.frames_between_searches && !self.is_of_crowd;
         self.has_searched = !is_sure
             || predicted.is_challenged
