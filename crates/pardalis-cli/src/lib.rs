@@ -41,6 +41,7 @@ mod tables;
 mod timing;
 mod track_start;
 mod tracking;
+mod units;
 mod user_error;
 
 use std::ffi::OsString;

@@ -23,6 +23,7 @@ use crate::shell_word::shell_word;
 use crate::source::decode::media_kind;
 use crate::source::images::image_names;
 use crate::source::{OpenCameras, Source, SourceConfig, SourceKind, Timing};
+use crate::units;
 use crate::user_error::{UserError, user_error};
 
 /// With an interval of this many seconds or more between images, time stamps may be in another unit.
@@ -210,7 +211,9 @@ pub(crate) fn open_with(
     let mut parts = Parts::with(scene, Vec::new());
     parts.open_cameras(folder, stills, live)?;
     if parts.assembly.problems.is_empty() {
-        parts.source_warnings(path).iter().for_each(warn);
+        let units = units::warnings(&parts.scene, path);
+        let warnings = parts.source_warnings(path).into_iter().chain(units);
+        warnings.for_each(warn);
     }
     parts.open_targets(folder);
     parts.finish(path)

@@ -102,22 +102,22 @@ const app = {
 /** The next order to each camera that one is under way to, or null. */
 const orders = new Map();
 
-/** What was said of each request that failed last time. */
-const failures = new Map();
+/** What was said of the last edit, if it failed. */
+let failure = null;
 
 /** The answer to the last edit that was asked for. */
 let lastEdit = Promise.resolve();
 
 async function edit(request, value) {
   document.body.classList.add("busy");
+  // It would look like the answer to this one.
+  failure?.remove();
   try {
     const answer = await ask(request, value);
-    failures.get(request)?.remove();
     if (answer.cameras) app.take(answer);
     return answer;
   } catch (error) {
-    failures.get(request)?.remove();
-    failures.set(request, say(error.message, true));
+    failure = say(error.message, true);
     return null;
   } finally {
     document.body.classList.remove("busy");

@@ -23,6 +23,9 @@ export class Picture {
     this.cursor = null;
     this.corner = null;
     this.drag = null;
+    /** Where each finger is, and what two of them have taken: a pixel, and how far they are apart on the screen. */
+    this.fingers = new Map();
+    this.pinch = null;
     this.canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": `Picture of camera ${name}. Plus and minus magnify it, 0 shows all of it. ${help}` });
     this.caption = el("figcaption", {}, name);
     this.zoomed = el("span");
@@ -33,8 +36,8 @@ export class Picture {
     this.canvas.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
     this.canvas.addEventListener("pointerdown", (event) => this.#down(event));
     this.canvas.addEventListener("pointermove", (event) => this.#move(event));
-    this.canvas.addEventListener("pointerup", (event) => this.#up(event));
-    this.canvas.addEventListener("pointercancel", () => this.#leave());
+    this.canvas.addEventListener("pointerup", (event) => this.#isPinched(event) || this.#up());
+    this.canvas.addEventListener("pointercancel", (event) => this.#isPinched(event) || this.#leave());
     // With text of the page selected, browsers would drag that.
     this.canvas.addEventListener("dragstart", (event) => event.preventDefault());
     this.canvas.addEventListener("keydown", (event) => this.#key(event));
@@ -168,6 +171,17 @@ export class Picture {
 
   #down(event) {
     if (!this.image || event.button > 1) return;
+    if (event.pointerType === "touch") {
+      this.fingers.set(event.pointerId, event);
+      this.canvas.setPointerCapture(event.pointerId);
+      if (this.fingers.size > 1) {
+        // What the first finger has begun is given up.
+        this.#leave();
+        const { middle, apart } = this.#between();
+        this.pinch = { from: this.#pixel(middle), apart };
+        return;
+      }
+    }
     const from = this.#pixel(event);
     const isMagnified = this.#shown().magnified > 1;
     const moves = isMagnified && (event.button === 1 || event.shiftKey || !this.box);
@@ -177,7 +191,33 @@ export class Picture {
     this.canvas.setPointerCapture(event.pointerId);
   }
 
+  /** The place on the screen between two fingers, and how far they are apart. */
+  #between() {
+    const [a, b] = this.fingers.values();
+    const middle = { clientX: (a.clientX + b.clientX) / 2, clientY: (a.clientY + b.clientY) / 2 };
+    return { middle, apart: Math.max(Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY), 1) };
+  }
+
+  /** Magnifies as the fingers move apart, and keeps what they have taken between them. */
+  #pinch() {
+    if (this.fingers.size < 2) return;
+    const { middle, apart } = this.#between();
+    this.#show(apart / this.pinch.apart, this.#pixel(middle));
+    this.pinch.apart = apart;
+    this.#pan({ from: this.pinch.from, to: this.#pixel(middle) });
+  }
+
+  /** Notes that a finger has left. Returns whether it was one of those that magnify, until the last of them has left. */
+  #isPinched({ pointerId }) {
+    this.fingers.delete(pointerId);
+    const was = this.pinch !== null;
+    if (this.fingers.size === 0) this.pinch = null;
+    return was;
+  }
+
   #move(event) {
+    if (this.fingers.has(event.pointerId)) this.fingers.set(event.pointerId, event);
+    if (this.pinch) return this.#pinch();
     const { drag } = this;
     if (!drag) return;
     const [x, y] = drag.at;

@@ -21,6 +21,9 @@ const ELSEWHERE_FRAMES: usize = 5;
 /// A smaller share of them among those that were searched says nothing either. Hand-set: it is 0 if all are right and nothing else looks like the target.
 const ELSEWHERE_SHARE: f64 = 0.2;
 
+/// If a smaller share of the frames comes that a file announces, it is not whole. Hand-set: some containers count a few more.
+const READ_SHARE: f64 = 0.95;
+
 /// Returns the targets that have rows but were tracked in none, each with its number and name.
 pub(crate) fn never_found(run: &Run) -> impl Iterator<Item = (usize, &str)> {
     let targets = run.open.scene.targets.iter().zip(run.series.states());
@@ -72,6 +75,14 @@ pub(crate) fn warnings(run: &Run) -> String {
                 "warning: cameras.{name}: ffmpeg reported {} errors in {}; frames may be missing or damaged; play the video to check",
                 counters.ffmpeg_errors,
                 source.describe().input
+            );
+        }
+        let (read, announced) = (record.frames.delivered, source.frame_count().unwrap_or(0));
+        let is_whole = !(run.outcome.interrupted || run.outcome.limit_reached || source.is_live());
+        if is_whole && (read as f64) < READ_SHARE * announced as f64 {
+            let _ = writeln!(
+                text,
+                "warning: cameras.{name}: {announced} frames were announced, and {read} came: it is cut off or damaged, or ends early",
             );
         }
         if record.frames.dropped_late > 0 {
@@ -315,7 +326,8 @@ pub(crate) fn summary(run: &Run) -> String {
         }
         // Warnings say why a target was never found.
         if states.tracking > 0 {
-            for line in reasons(run, number) {
+            let hidden = run.missed.hidden_lines(number, &target.name);
+            for line in reasons(run, number).into_iter().chain(hidden) {
                 let _ = writeln!(text, "  {line}");
             }
         }

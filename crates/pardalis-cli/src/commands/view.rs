@@ -9,7 +9,7 @@ use crate::files::refuse_foreign;
 use crate::output::{Shown, print, warn};
 use crate::report::{self, CameraPoses, Compared, Comparison, PageCamera, PageScene};
 use crate::results::{self, beside, folder_of, read_summary};
-use crate::tracking::{CAMERAS, SUMMARY};
+use crate::tracking::{CAMERAS, EARLIER, SUMMARY};
 use crate::user_error::user_error;
 
 /// Shows finished tracks in 3D, over time and in numbers
@@ -76,6 +76,15 @@ impl Results {
         })
     }
 
+    /// Reports whether the studio has moved these results away for later ones in that folder.
+    fn is_earlier_than(&self, later: &Self) -> bool {
+        let folders = (self.folder.canonicalize(), later.folder.canonicalize());
+        let (Ok(folder), Ok(later)) = folders else {
+            return false;
+        };
+        folder.parent() == Some(&later.join(EARLIER))
+    }
+
     /// Returns a name: that of the folder, with that of the file if it is not the usual one.
     fn name(&self) -> String {
         let folder = self.folder.canonicalize();
@@ -135,10 +144,15 @@ fn write_page(arguments: &Arguments) -> Result<PathBuf> {
     let comparison = match (&other, &arguments.other) {
         (Some(other), Some(given)) => {
             let mut names = [results.name(), other.name()];
-            if names[0] == names[1] {
+            let is_earlier = other.is_earlier_than(&results);
+            if is_earlier {
+                names[1] = format!("{}/{EARLIER}/{}", names[0], names[1]);
+            } else if names[0] == names[1] {
                 names = [arguments.tracks.shown(), given.shown()];
             }
-            Some(compared((&results, other), &names)?)
+            let mut comparison = compared((&results, other), &names)?;
+            comparison.other_is_earlier = is_earlier;
+            Some(comparison)
         }
         _ => None,
     };

@@ -6,11 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use super::previous::has_rows;
-use super::summary;
+use super::{EARLIER, summary};
 use crate::files::unwritable;
-
-/// The folder of numbered runs among the results.
-const EARLIER: &str = "earlier";
 
 /// The most numbered runs that are kept. Hand-set: as many as people tell apart.
 const MAX_EARLIER: usize = 20;

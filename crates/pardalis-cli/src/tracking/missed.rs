@@ -24,6 +24,8 @@ pub(crate) struct MissedFrames {
     /// The same, but only of a candidate that looks like the target where there is one, for the frames that follow others in which the target was in an image, and the number of these.
     unexplained: Vec<([usize; Verdict::ALL.len()], usize)>,
     ranges: Vec<Ranges>,
+    /// The frames in which each target, if it is no crowd, was known and not seen, and what spoke against what was there, as in `targets`.
+    hidden: Vec<(Ranges, [usize; Verdict::ALL.len()])>,
     /// Where the latest position of each target was out of all images; that of a crowd's members says nothing.
     exits: Vec<Option<Exit>>,
     /// The latest frame in which each target was seen.
@@ -116,6 +118,7 @@ impl MissedFrames {
             targets: vec![[0; Verdict::ALL.len()]; targets.len()],
             unexplained: vec![([0; Verdict::ALL.len()], 0); targets.len()],
             ranges: vec![Ranges::default(); targets.len()],
+            hidden: vec![(Ranges::default(), [0; Verdict::ALL.len()]); targets.len()],
             exits: vec![None; targets.len()],
             seen: vec![None; targets.len()],
             cameras: scene
@@ -186,6 +189,47 @@ impl MissedFrames {
     }
 }
 
+impl MissedFrames {
+    /// Lists the frames in which a target of this name was known, in view and not seen, and what most often spoke against what was there; nothing without any.
+    pub(crate) fn hidden_lines(&self, target: usize, name: &str) -> Vec<String> {
+        let (ranges, counts) = &self.hidden[target];
+        if ranges.first.is_empty() {
+            return Vec::new();
+        }
+        let is_one = matches!(ranges.first[..], [([first, last], _)] if first == last);
+        let frames = format!(
+            "{name} is in view and counts as occluded in {} {ranges}; where something hides it, nothing needs mending",
+            if is_one { "frame" } else { "frames" }
+        );
+        let most = Verdict::ALL.into_iter().zip(*counts);
+        let most = most.max_by_key(|&(verdict, frames)| (frames, verdict));
+        let kind = self.kinds[target];
+        let reason = most.filter(|&(_, frames)| frames > 0).map(|(verdict, frames)| {
+            let remedy = match verdict {
+                Verdict::Covered => "if nothing does, label images that show it from this side, in this light and as blurred",
+                other => remedy(other, kind),
+            };
+            format!(
+                "in {frames} of these frames, {} ({}): {remedy}",
+
+                what(verdict, kind.is_boxed),
+                verdict.name()
+            )
+        });
+        [frames].into_iter().chain(reason).collect()
+    }
+}
+
+/// Returns what speaks against the thing in the latest frames that looks most like a known target, or else against what is seen where it was predicted.
+fn against(tracker: &Tracker, target: TargetId) -> Result<Option<Verdict>> {
+    let mut of_bodies = tracker.candidates(target)?;
+    let candidates = of_bodies.next().unwrap_or_default();
+    let says_why = |one: &&Candidate| !matches!(one.verdict, Verdict::SamePlace | Verdict::Target);
+    let open: Vec<&Candidate> = candidates.iter().filter(says_why).collect();
+    let predicted = open.iter().find(|one| one.origin == Origin::Prediction);
+    Ok(likely(&open).or(predicted.map(|one| one.verdict)))
+}
+
 /// Returns where a position in the world, in metres, is out of the images of all cameras.
 fn exit(views: &[View], position_m: [f64; 3], seen: Option<usize>) -> Option<Exit> {
     let mut nearest: Option<(f64, Exit)> = None;
@@ -246,6 +290,16 @@ impl Sink for MissedFrames {
                 // The side at which it left, and not where predictions lead from there.
                 let before = self.exits[number].filter(|before| before.seen == seen);
                 self.exits[number] = left.map(|left| before.unwrap_or(left));
+                if known.estimate.state == TrackState::Occluded && is_alone && left.is_none() {
+                    let (ranges, counts) = &mut self.hidden[number];
+                    ranges.add((instant.index, self.count), None);
+                    if let Some(verdict) = against(instant.tracker, TargetId::new(number))? {
+                        let of_verdict = Verdict::ALL.into_iter().zip(counts);
+                        for (_, count) in of_verdict.filter(|(one, _)| *one == verdict) {
+                            *count += 1;
+                        }
+                    }
+                }
             } else {
                 let exit = self.exits[number];
                 self.ranges[number].add((instant.index, self.count), exit);

@@ -34,6 +34,7 @@ mod tracked;
 #[cfg_attr(not(feature = "studio"), path = "without_watch.rs")]
 mod watch;
 
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
@@ -45,10 +46,10 @@ use serde::Serialize;
 use crate::arguments::Threads;
 use crate::detections::Detections;
 use crate::draw::plots::TRACK_PLOTS;
-use crate::files::refuse_links;
+use crate::files::{refuse_links, unwritable};
 use crate::interrupt::{self, Stop};
 use crate::measurements;
-use crate::output::warn;
+use crate::output::{Shown, warn};
 use crate::platforms;
 use crate::report::{self, PageCamera, PageScene};
 use crate::scene::{self, OpenScene};
@@ -299,7 +300,8 @@ pub(crate) fn run_steps(
     step: Step,
 ) -> Result<Run> {
     interrupt::listen();
-    make_way(options, &open.scene, scene_path)?;
+    // Until the end.
+    let _lock = make_way(options, &open.scene, scene_path)?;
     let mut rows = Rows::create(&options.output, open.scene.targets.clone())?;
     if let Output::Folder(folder) = &options.output {
         remove_old(folder);
@@ -408,8 +410,8 @@ fn write_report(
     Ok(path)
 }
 
-/// Makes sure that results replace nothing but those of an earlier run, and keeps its rows if that is asked for.
-fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
+/// Makes sure that results replace nothing but those of an earlier run, and keeps its rows if that is asked for. Returns the lock of their folder.
+fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<Option<File>> {
     if let Some(mcap) = &options.mcap {
         recorder::check_path(mcap, scene, scene_path)?;
     }
@@ -423,6 +425,7 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
     if let Some(particles) = &options.particles {
         particle_rows::check_path(particles, folder, &RESULTS)?;
     }
+    let lock = folder.map(occupy).transpose()?.flatten();
     #[cfg(feature = "studio")]
     if let (Previous::Number, Some(folder)) = (options.previous, folder) {
         earlier::number_results(folder)?;
@@ -435,11 +438,38 @@ fn make_way(options: &Options, scene: &Scene, scene_path: &Path) -> Result<()> {
             previous::keep_rows(particles)?;
         }
     }
-    Ok(())
+    Ok(lock)
+}
+
+/// Creates the folder of the results, and locks it while what is returned lives; `None` where folders cannot be locked.
+///
+/// Errors: another run has locked it; it is a file; it cannot be created.
+fn occupy(folder: &Path) -> Result<Option<File>> {
+    if folder.is_file() {
+        return Err(user_error!(
+            "-o {}: this is a file; give a folder",
+            folder.shown()
+        ));
+    }
+    std::fs::create_dir_all(folder).map_err(|error| unwritable(folder, error))?;
+    let Ok(opened) = File::open(folder) else {
+        return Ok(None);
+    };
+    match opened.try_lock() {
+        Ok(()) => Ok(Some(opened)),
+        Err(TryLockError::WouldBlock) => Err(user_error!(
+            "{}: another run is writing its results there; give another folder with -o, or wait until it has ended",
+            folder.shown()
+        )),
+        Err(TryLockError::Error(_)) => Ok(None),
+    }
 }
 
 /// The file of the rows.
 pub(crate) const ROWS: &str = "tracks.csv";
+
+/// The folder of numbered earlier runs among the results, which the studio moves there.
+pub(crate) const EARLIER: &str = "earlier";
 
 /// The file of the poses of cameras that move.
 pub(crate) const CAMERAS: &str = CameraRows::FILE;

@@ -1,16 +1,13 @@
 //! `tracks.csv`: one row per time and target, flushed immediately.
 
 use std::fmt::Write as _;
-use std::fs;
 
 use anyhow::Result;
 use pardalis::Estimate;
 use pardalis_scene::TargetConfig;
 
 use super::{Instant, Output, Sink, is_broken_pipe};
-use crate::files::{RowFile, unwritable};
-use crate::output::Shown;
-use crate::user_error::user_error;
+use crate::files::RowFile;
 
 /// The header line. Later versions may append columns.
 pub(super) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
@@ -26,20 +23,11 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Creates the output folder and file and writes the header.
+    /// Creates the file in the output folder and writes the header.
     pub(crate) fn create(output: &Output, targets: Vec<TargetConfig>) -> Result<Self> {
         let mut out = match output {
             Output::Stdout => RowFile::stdout(),
-            Output::Folder(folder) => {
-                if folder.is_file() {
-                    return Err(user_error!(
-                        "-o {}: this is a file; give a folder",
-                        folder.shown()
-                    ));
-                }
-                fs::create_dir_all(folder).map_err(|error| unwritable(folder, error))?;
-                RowFile::create(&folder.join("tracks.csv"))?
-            }
+            Output::Folder(folder) => RowFile::create(&folder.join("tracks.csv"))?,
         };
         match out.write(HEADER) {
             // Writing the first row fails in the same way and ends the run quietly.

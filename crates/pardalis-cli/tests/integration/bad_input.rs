@@ -372,4 +372,16 @@ fn videos_without_ffmpeg_or_truncated_are_reported() {
     place.write("cut.mkv", &whole);
     let run = place.track_with(&video, &["-o", "-"]).fine();
     assert_eq!(rows_in(&run.stdout).len(), 10);
+    // A container that says first how many frames there are.
+    let encoded = Command::new("ffmpeg")
+        .current_dir(place.path(""))
+        .args(["-v", "error", "-i", "whole.mkv", "-c", "copy"])
+        .args(["-movflags", "+faststart", "whole.mp4"])
+        .status();
+    assert!(encoded.unwrap().success());
+    let whole = fs::read(place.path("whole.mp4")).unwrap();
+    place.write("cut.mp4", &whole[..whole.len() * 7 / 10]);
+    let run = place.track(&video.replace("cut.mkv", "cut.mp4"));
+    let warning = "warning: cameras.cam1: 10 frames were announced, and ";
+    assert!(run.stderr.contains(warning), "{}", run.stderr);
 }

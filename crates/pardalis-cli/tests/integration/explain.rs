@@ -189,6 +189,30 @@ fn a_wrong_scale_makes_the_ball_too_far() {
 }
 
 #[test]
+fn frames_in_which_a_ball_is_hidden_are_named_with_what_is_seen_there() {
+    let place = tempfile::tempdir().unwrap();
+    let fisheye = data().join("../../experiments/edge/fisheye.toml");
+    let folder = fisheye.parent().unwrap().to_str().unwrap();
+    let scene = fs::read_to_string(&fisheye).unwrap();
+    let scene = scene.replace("\"../../", &format!("\"{folder}/../../"));
+    let scene = scene.replace(
+        "data/dioptric-jump/frames",
+        "data/dioptric-occlusion-bar/frames",
+    );
+    fs::write(place.path().join("bar.toml"), scene).unwrap();
+    let run = Run::pardalis(&place, &["track", "bar.toml", "-o", "out"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let named = "  ball is in view and counts as occluded in frames ";
+    let mut lines = run
+        .stdout
+        .lines()
+        .skip_while(|line| !line.starts_with(named));
+    assert!(lines.next().is_some(), "{}", run.stdout);
+    let reason = lines.next().unwrap();
+    assert!(reason.contains(" of these frames, "), "{reason}");
+}
+
+#[test]
 fn a_ball_that_is_found_is_the_target_among_the_candidates() {
     let place = Workplace::with_frames(6);
     let scene = detected("orange-ball.hsi.colors.toml");

@@ -290,6 +290,20 @@ fn masked_pixels_are_ignored() {
     assert_eq!(column(&place.rows(), 3), ["tracking"; 2]);
 }
 
+/// Two runs had mixed their results.
+#[test]
+fn a_folder_takes_the_results_of_one_run_at_a_time() {
+    let place = Workplace::with_frames(2);
+    fs::create_dir(place.path("out")).unwrap();
+    let other = fs::File::open(place.path("out")).unwrap();
+    other.lock().unwrap();
+    let run = place.track(SCENE);
+    run.refused(&["out: another run is writing its results there; give another folder"]);
+    assert_eq!(fs::read_dir(place.path("out")).unwrap().count(), 0);
+    drop(other);
+    place.track(SCENE).fine();
+}
+
 #[test]
 fn a_click_locates_the_ball() {
     let place = Workplace::with_frames(1);

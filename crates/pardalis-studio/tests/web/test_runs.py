@@ -147,7 +147,11 @@ def test_a_setting_is_changed_and_both_runs_are_compared(studio, jump):
     assert written.read_bytes() == by_studio
     data = (jump / "scene-tracks/comparison.html").read_text().split('id="data">')[1].split("</script>")[0]
     shown = one.ask("compare", {"run": 1})
-    assert shown["targets"] == json.loads(data)["comparison"]["targets"]
+    written_comparison = json.loads(data)["comparison"]
+    assert shown["targets"] == written_comparison["targets"]
+    # Changes are from the earlier run to the last, as in the studio.
+    assert written_comparison["other_is_earlier"] and shown["other_is_earlier"]
+    assert written_comparison["names"] == ["scene-tracks", "scene-tracks/earlier/1"]
     page.set_viewport_size({"width": 900, "height": 700})
     assert page.evaluate("document.documentElement.scrollWidth") == 900
     page.set_viewport_size({"width": 1280, "height": 800})

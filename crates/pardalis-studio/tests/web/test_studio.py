@@ -227,6 +227,60 @@ def test_small_balls_are_magnified_and_clicked(studio, tmp_path):
     expect(whole).to_be_hidden()
 
 
+def test_two_fingers_magnify_and_label_nothing(studio, tmp_path):
+    shutil.copytree(DATA / "dioptric-jump", tmp_path / "dioptric-jump")
+    one = studio(str(tmp_path / "dioptric-jump"), has_touch=True)
+    page = one.page
+    one.step("colors")
+    row = truth_of("dioptric-jump")[0]
+    x, y = one.at("cam1", [float(row["u_px"]), float(row["v_px"])], (640, 480))
+    page.touchscreen.tap(x, y)
+    expect(page.locator("#labels li")).to_have_count(1)
+    before = one.ask("state")["targets"][0]["samples"]
+    session = one.context.new_cdp_session(page)
+
+    def touch(kind, *places):
+        points = [{"x": place[0], "y": place[1], "id": number} for number, place in enumerate(places)]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    # One finger is there before the other, and leaves after it.
+    touch("touchStart", (x - 20, y))
+    touch("touchMove", (x - 40, y))
+    touch("touchStart", (x - 40, y), (x + 40, y))
+    for apart in (50, 65, 80):
+        touch("touchMove", (x - apart, y), (x + apart, y))
+    touch("touchEnd", (x - 80, y))
+    touch("touchMove", (x - 120, y))
+    touch("touchEnd")
+    whole = page.locator("[data-camera=cam1] .whole")
+    expect(whole).to_have_text("Whole picture (2.0×)")
+    # What was between the fingers still is, and is labelled by one.
+    assert one.ask("state")["targets"][0]["samples"] == before
+    one.show("cam1", 1)
+    page.touchscreen.tap(x, y)
+    expect(page.locator("#labels li")).to_have_count(2)
+
+
+def test_what_an_edit_was_refused_for_is_no_answer_to_the_next(studio, tmp_path):
+    one = studio()
+    page = one.page
+    page.fill("#address", "")
+    page.keyboard.press("Enter")
+    page.fill("#address", "foo://1")
+    page.keyboard.press("Enter")
+    expect(page.locator("#messages .error")).to_have_count(1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        silent.bind(("127.0.0.1", 0))
+        port = silent.getsockname()[1]
+    # Nobody sends there: it takes a while, and the page says that it works.
+    page.fill("#address", f"udp://127.0.0.1:{port}")
+    page.keyboard.press("Enter")
+    expect(page.locator("#messages .error")).to_have_count(0)
+    until(lambda: page.evaluate("getComputedStyle(document.body, '::after').opacity") == "1")
+    expect(page.locator("#messages .error")).to_contain_text(str(port))
+    one.errors.clear()
+
+
 def test_edits_keep_their_order_and_late_answers_replace_no_later_state(studio, tmp_path):
     shutil.copytree(DATA / "dioptric-jump", tmp_path / "dioptric-jump")
     one = studio(str(tmp_path / "dioptric-jump"))

@@ -96,7 +96,7 @@ export const sources = {
       found.length > 0 ? el("ul", { class: "rows" }, found) : el("p", { class: "none" }, "None was found. Network cameras are added by their address."),
       el(
         "form",
-        { class: "row", onsubmit: (event) => { event.preventDefault(); add(app, address.value.trim()); } },
+        { class: "row", onsubmit: (event) => { event.preventDefault(); const input = address.value.trim(); if (input) add(app, input); else address.focus(); } },
         field("Address of a camera or stream", address),
         el("button", { type: "submit" }, "Add"),
       ),

@@ -3,7 +3,6 @@
 mod camera;
 mod cost;
 mod target;
-mod units;
 
 use std::path::PathBuf;
 
@@ -58,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .map(|warning| format!("{}: {warning}", path.shown()))
         .chain(parts.source_warnings(path))
         .chain(targets.iter().flat_map(|target| target.warnings(path)))
-        .chain(units::warnings(&parts.scene, path))
+        .chain(crate::units::warnings(&parts.scene, path))
         .collect();
     if !parts.assembly.problems.is_empty() {
         for target in targets.iter().filter(|target| target.was_looked_for()) {

@@ -13,6 +13,7 @@ use crate::numbers::{fixed, significant};
 use crate::output::Shown;
 use crate::scene::Parts;
 use crate::tracking::missed;
+use crate::units::is_searched;
 
 /// A target of a scene.
 pub(super) struct Seen {
@@ -181,11 +182,6 @@ impl Area {
         } = self;
         format!("{area_px} pixels ({percent} %) of the first frame of {camera}")
     }
-}
-
-/// Reports whether a target is detected, and not followed from a start.
-pub(super) fn is_searched(target: &TargetConfig) -> bool {
-    target.bodies.iter().all(|body| body.cues().is_empty())
 }
 
 /// Says in a line whether a target was found in the first frames, by its estimate and what ruled out the candidate that came

@@ -58,10 +58,11 @@ const NAMELESS: &str = "object";
 
 /// Reports whether a table has circles in place of positions.
 pub(super) fn has_circles(table: &Table) -> bool {
-    // With a name misspelt, it is the one that is missing.
+    // With names misspelt, they are those that are missing.
     let has = |name: &str| table.optional_column(name).is_some();
     let has_position = ["x_m", "y_m", "z_m"].into_iter().any(has);
-    !has_position && (has("radius_px") || has("u_px") && has("v_px"))
+    let of_circles = ["u_px", "v_px", "radius_px", "u", "v", "radius", "r"];
+    !has_position && of_circles.into_iter().filter(|name| has(name)).count() > 1
 }
 
 /// Returns the circles in a table with the columns `time_s` or `frame`, `u_px`, `v_px` and `radius_px`; `object`, `camera` and `visible_fraction` are optional. Images whose
@@ -75,7 +76,10 @@ pub(crate) fn circles_of(table: &Table) -> Result<Vec<Circles>> {
             table.path().shown()
         ));
     }
-    let circle = table.columns(["u_px", "v_px", "radius_px"])?;
+    let circle = table.columns(["u_px", "v_px", "radius_px"]);
+    let circle = circle.map_err(|error| {
+        user_error!("{error}; circles need frame or time_s, u_px, v_px and radius_px")
+    })?;
     let [object, camera, visible] =
         ["object", "camera", "visible_fraction"].map(|name| table.optional_column(name));
     let mut all: Vec<Circles> = Vec::new();

@@ -248,6 +248,11 @@ fn unusable_circles_are_refused_with_the_remedy() {
     let header = "frame,u_px,v_px,radius_px\n";
     let row = |rest: &str| format!("{header}{rest}\n");
     refused(
+        "frame,u,v,r\n0,1,2,3\n",
+        &[],
+        "column \"u_px\" is missing; found: frame,u,v,r; circles need frame or time_s, u_px, v_px and radius_px",
+    );
+    refused(
         &row("0,10,10,0"),
         &[],
         "circles.csv, line 2: radius_px is 0; allowed: above 0",

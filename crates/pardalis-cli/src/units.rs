@@ -4,9 +4,8 @@ use std::path::Path;
 
 use pardalis::shape::Shape;
 use pardalis::tuning::Tuning;
-use pardalis_scene::{CameraConfig, Scene};
+use pardalis_scene::{CameraConfig, Scene, TargetConfig};
 
-use super::target::is_searched;
 use crate::numbers::significant;
 use crate::output::Shown;
 
@@ -14,7 +13,7 @@ use crate::output::Shown;
 const LARGE_RADIUS_M: f64 = 1.5;
 
 /// Returns a warning for each target whose size, or whose distance from two cameras, is unlikely in metres.
-pub(super) fn warnings(scene: &Scene, path: &Path) -> Vec<String> {
+pub(crate) fn warnings(scene: &Scene, path: &Path) -> Vec<String> {
     let apart = nearest(&scene.cameras);
     let mut warnings = Vec::new();
     for target in &scene.targets {
@@ -47,6 +46,11 @@ pub(super) fn warnings(scene: &Scene, path: &Path) -> Vec<String> {
         }
     }
     warnings
+}
+
+/// Reports whether a target is detected, and not followed from a start.
+pub(crate) fn is_searched(target: &TargetConfig) -> bool {
+    target.bodies.iter().all(|body| body.cues().is_empty())
 }
 
 /// Two cameras and how far they are from each other.
