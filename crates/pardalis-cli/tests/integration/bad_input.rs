@@ -381,7 +381,7 @@ fn videos_without_ffmpeg_or_truncated_are_reported() {
     assert!(encoded.unwrap().success());
     let whole = fs::read(place.path("whole.mp4")).unwrap();
     place.write("cut.mp4", &whole[..whole.len() * 7 / 10]);
-    let run = place.track(&video.replace("cut.mkv", "cut.mp4"));
+    let run = place.track(video.replace("cut.mkv", "cut.mp4"));
     let warning = "warning: cameras.cam1: 10 frames were announced, and ";
     assert!(run.stderr.contains(warning), "{}", run.stderr);
 }

@@ -318,7 +318,7 @@ fn sizes_and_positions_in_other_units_are_asked_about() {
     let question = "targets.ball: the radius of the ball is 11 m: is it in metres?";
     assert!(run.stderr.contains(question), "{}", run.stderr);
     // So it is by who does not check.
-    let run = place.track_with(&with_targets(&large), &["-o", "out"]);
+    let run = place.track_with(with_targets(&large), &["-o", "out"]);
     assert!(run.stderr.contains(question), "{}", run.stderr);
 
     let four = data().join("../../experiments/edge/webcams-four.toml");
