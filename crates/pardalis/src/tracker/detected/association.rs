@@ -3,7 +3,6 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::DetectedTarget;
-use super::detection::is_by_few;
 use super::look_alikes::LookAlikes;
 use crate::color::PixelKind;
 use crate::likelihood::edge::{Detection, EdgeFrame, Widening};
@@ -26,8 +25,6 @@ pub(super) struct AssociatedDetection {
     pub(super) existence_log_ratio: f64,
     /// What each camera adds to the edge cue's log-likelihood ratio at this detection, in nats, so that it compares with clutter.
     pub(super) log_ratio_offset: f32,
-    /// Whether fewer than half of the cameras that have it in view see it.
-    pub(super) is_by_few: bool,
     /// How its likelihood is widened, if it is.
     pub(super) widened: Option<Widening>,
 }
@@ -48,9 +45,7 @@ impl DetectedTarget {
             let by_boxes = self.boxes.as_ref();
             let by_boxes = by_boxes.map_or(0.0, |boxes| boxes.nats(frames, detection.position_m()));
             let found = (number, detection, by_boxes);
-            let is_by_few = is_by_few(&self.edge, frames, detection);
-            let one = self.associate_one(found, look_alikes, candidate);
-            associated.extend(one.map(|one| AssociatedDetection { is_by_few, ..one }));
+            associated.extend(self.associate_one(found, look_alikes, candidate));
         }
         self.leave_out_sights(frames, detections, associated, candidates);
         if !self.track.is_known()
@@ -173,8 +168,10 @@ impl DetectedTarget {
         let if_covered = by_color.min(0.0) - contradiction + by_boxes.min(0.0);
         // What a detector leaves out again and again may look again and again like the target: only the former speaks then.
         let existing = by_boxes + if by_boxes < 0.0 { seen.min(0.0) } else { seen };
+        // Rays of few cameras may meet by chance where each shows something else, or with a camera whose pose is wrong.
+        let confirmed = tuning.coincidence_nats * (cameras - 3.0).max(0.0);
         let mut existence_log_ratio =
-            self.existence_log_ratio(tracked_density, existing, if_covered) - assigned;
+            self.existence_log_ratio(tracked_density, existing + confirmed, if_covered) - assigned;
         if is_new_streak {
             existence_log_ratio = existence_log_ratio.min(tuning.max_new_streak_nats);
         }
@@ -210,7 +207,6 @@ impl DetectedTarget {
             alone: likeness,
             existence_log_ratio,
             log_ratio_offset: ((log_weight - log_volume - log_ratio) / cameras) as f32,
-            is_by_few: false,
             widened: None,
         })
     }

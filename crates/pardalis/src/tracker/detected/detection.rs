@@ -100,7 +100,7 @@ impl Priors<'_> {
 }
 
 /// Whether fewer than half of the cameras that have a detection in view see it: to the others it is hidden, or they see the target elsewhere.
-pub(super) fn is_by_few(edge: &EdgeCue, frames: &[EdgeFrame], detection: &Detection) -> bool {
+fn is_by_few(edge: &EdgeCue, frames: &[EdgeFrame], detection: &Detection) -> bool {
     let position_m = detection.position_m();
     let in_view = frames
         .iter()

@@ -563,9 +563,7 @@ impl DetectedTarget {
             let cameras = detections[found.detection].camera_count();
             Sighting::new(number, &found.component, (found.likeness, cameras))
         };
-        // What most cameras do not show there is not the target if they show that elsewhere.
-        let is_by_few = target.is_some_and(|number| associated[number].is_by_few);
-        let is_visible = self.track.is_visible(time_s) && !is_by_few;
+        let is_visible = self.track.is_visible(time_s);
         let of_target = target.map(sighting);
         self.challenge.note_target(of_target.as_ref(), is_visible);
         let here = Vector3::from(self.filter.estimate(0.0)?.position_m);
