@@ -18,8 +18,8 @@ import records
 LANDS_Z_M = 0.78
 GRAVITY_MPS2 = 9.81
 THROWN_S = 0.1
-# A flight that is shorter cannot be predicted so early.
-KNOWN_S = 0.2
+# Of a flight that has been seen for less, nothing is asked.
+KNOWN_S = 0.1
 AHEAD_S = (0.2, 0.1, 0.05)
 
 
