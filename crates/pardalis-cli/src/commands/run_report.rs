@@ -78,8 +78,8 @@ pub(crate) fn warnings(run: &Run) -> String {
             );
         }
         let (read, announced) = (record.frames.delivered, source.frame_count().unwrap_or(0));
-        let is_whole = !(run.outcome.interrupted || run.outcome.limit_reached || source.is_live());
-        if is_whole && (read as f64) < READ_SHARE * announced as f64 {
+        let goes_on = run.outcome.limit_reached || source.is_live();
+        if run.outcome.is_at_end && !goes_on && (read as f64) < READ_SHARE * announced as f64 {
             let _ = writeln!(
                 text,
                 "warning: cameras.{name}: {announced} frames were announced, and {read} came: it is cut off or damaged, or ends early",

@@ -217,6 +217,8 @@ pub(crate) struct Outcome {
     pub(crate) interrupted: bool,
     /// Whether it ended because its limit was reached.
     pub(crate) limit_reached: bool,
+    /// Whether no camera has further frames, or the limit is reached.
+    pub(crate) is_at_end: bool,
     /// The error that ended it early.
     pub(crate) error: Option<String>,
     /// Seconds spent waiting for frames, which are decoded in parallel.
@@ -582,6 +584,7 @@ fn track(
             if options.stop.is_requested() {
                 continue;
             }
+            outcome.is_at_end = true;
             break None;
         };
         outcome.waiting_s += watch.elapsed_s();
