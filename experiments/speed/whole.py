@@ -139,7 +139,7 @@ def main(program, record=None):
     for row in table:
         print(", ".join(f"{key} {value}" for key, value in row.items()))
     if record:
-        records.write(record, "whole", table, f"python experiments/speed/whole.py {program} {record}", f"OpenCV {cv2.__version__}", f"NumPy {np.__version__}")
+        records.write(record, "whole", table, "python experiments/speed/whole.py target/release/pardalis", f"OpenCV {cv2.__version__}", f"NumPy {np.__version__}")
 
 
 if __name__ == "__main__":

@@ -90,7 +90,7 @@ def main(program, out, record=None):
     for row in table:
         print(", ".join(f"{key} {value}" for key, value in row.items()))
     if record:
-        records.write(record, "table-tennis-landing", table, f"python3 experiments/table-tennis/landing.py {program} {out} {record}")
+        records.write(record, "table-tennis-landing", table, "python3 experiments/table-tennis/landing.py target/release/pardalis out/table-tennis")
 
 
 if __name__ == "__main__":
