@@ -206,7 +206,7 @@ tuned! {
         clutter_per_frame: f64 = 0.1, "things", "hand-set";
         /// The weight of one search of whole images in the running mean of the clutter that is seen.
         clutter_rate: f64 = 0.1, "share", "experiment: real clips, between 0.05 and 0.2";
-        /// By how much rarer it is that a thing of clutter lies just where an occluded target is tracked, than that it lies anywhere.
+        /// By how much rarer it is that a thing of clutter lies just where an occluded target is tracked, than that it lies anywhere; and that each camera beyond the third shows clutter just where the others do.
         coincidence_nats: f64 = 2.0, "nats", "experiment: real clips; with less, more frames that show the target count as occluded, with more, fewer that show clutter";
         /// A detection's log-likelihood ratio of target against clutter rises by one per this many nats of the edge cue's per camera, ...
         log_ratio_scale: f64 = 1.5, "nats", "hand-set: pixels are not independent";

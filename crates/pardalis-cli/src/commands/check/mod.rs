@@ -14,6 +14,7 @@ use crate::numbers::counted;
 use crate::output::{Shown, print, warn};
 use crate::platforms;
 use crate::scene::open_parts;
+use crate::units;
 use camera::Seen;
 
 /// Finds all problems of a scene before it is tracked
@@ -57,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .map(|warning| format!("{}: {warning}", path.shown()))
         .chain(parts.source_warnings(path))
         .chain(targets.iter().flat_map(|target| target.warnings(path)))
-        .chain(crate::units::warnings(&parts.scene, path))
+        .chain(units::warnings(&parts.scene, path))
         .collect();
     if !parts.assembly.problems.is_empty() {
         for target in targets.iter().filter(|target| target.was_looked_for()) {
